@@ -1,0 +1,2 @@
+//! The control core of the robot: everything that knows no chip.
+#![cfg_attr(not(test), no_std)]

@@ -1,0 +1,1 @@
+//! The catalogue of effects that a robot may have beyond the base model: one file each.

@@ -1,0 +1,19 @@
+//! Calibration of flexible-joint robots: record a motion, calibrate the elastic-joint model, verify it on another motion.
+//!
+//! Data runs one way: serial line → [`link`] → [`recording`] → [`calibrate`] (residuals of the [`model`], solved by
+//! [`solve`]) → results → [`report`]. Imports run downward in the list below; there are no cycles.
+
+pub mod command;
+pub mod report;
+pub mod verify;
+
+pub mod calibrate;
+pub mod link;
+pub mod simulate;
+
+pub mod effect;
+pub mod model;
+pub mod recording;
+pub mod solve;
+
+pub mod robot;

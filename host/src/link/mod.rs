@@ -1,0 +1,1 @@
+//! A serial device: open, handshake, frames, clock, loss balance.

@@ -1,0 +1,2 @@
+//! The `host` binary: the verbs of the command line.
+fn main() {}

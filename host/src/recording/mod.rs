@@ -1,0 +1,1 @@
+//! A recording in memory (columns with units) and its files.

@@ -1,0 +1,1 @@
+//! Self-contained HTML pages from results. No arithmetic that a result does not already hold.

@@ -1,0 +1,1 @@
+//! What a robot is: its description file, kinematic chain and inertia.

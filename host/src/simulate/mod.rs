@@ -1,0 +1,1 @@
+//! The simulated robot: plant, microcontroller running the firmware's control core, serial line with faults.

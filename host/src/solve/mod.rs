@@ -1,0 +1,1 @@
+//! Least squares on a chain of stages with a border of shared unknowns. Knows numbers only.

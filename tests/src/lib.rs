@@ -1,0 +1,1 @@
+//! Helpers of the stories: the `host` binary run as a process, scratch folders, the shared data folder.
