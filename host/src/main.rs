@@ -1,2 +1,7 @@
 //! The `host` binary: the verbs of the command line.
-fn main() {}
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    host::command::main()
+}

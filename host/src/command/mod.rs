@@ -1,1 +1,79 @@
 //! The verbs of the command line, one file each: parse, call, print. No arithmetic here.
+//!
+//! A verb is a module with `Args` (clap; its doc comment is the help) and
+//! `pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure>`. To add one:
+//!
+//! 1. `mod verb;` below,
+//! 2. `Verb(verb::Args)` in [`Verb`],
+//! 3. `Verb::Verb(args) => verb::run(args, &ui)` in [`main`].
+//!
+//! What every verb shares: [`Exit`] and [`Failure`] (how it ends), [`Ui`] (text, progress, log: stderr only; stdout
+//! carries results), [`NewFile`], [`LiveFile`] and [`ResultArgs`] (files that are never overwritten unasked).
+
+mod completions;
+
+mod exit;
+mod output;
+mod ui;
+
+use std::process::ExitCode;
+
+use clap::{CommandFactory, Parser, Subcommand};
+
+pub use exit::{Exit, Failure};
+pub use output::{LiveFile, NewFile, Outputs, ResultArgs};
+pub use ui::{Progress, Ui};
+
+/// Calibrates flexible-joint robots: records a motion, fits the elastic-joint model, verifies it on another motion.
+#[derive(Debug, Parser)]
+#[command(name = "host", version, propagate_version = true, after_help = exit::HELP)]
+struct Cli {
+    #[command(flatten)]
+    ui: ui::Args,
+    #[command(subcommand)]
+    verb: Verb,
+}
+
+#[derive(Debug, Subcommand)]
+enum Verb {
+    Completions(completions::Args),
+}
+
+/// Runs the verb that the command line names, prints its failure and gives its exit code.
+///
+/// A panic anywhere inside is a fault of the program: it is caught here and ends with [`Exit::Fault`].
+pub fn main() -> ExitCode {
+    let cli = Cli::parse(); // ends the process with code 2 if the line is not understood
+    let ui = Ui::new(&cli.ui);
+    let ended = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| match cli.verb {
+        Verb::Completions(args) => completions::run(args, &ui),
+    }));
+    let exit = match ended {
+        Ok(Ok(exit)) => exit,
+        Ok(Err(failure)) => {
+            let exit = failure.exit();
+            ui.failure(failure);
+            exit
+        }
+        Err(_) => {
+            ui.failure(Failure::fault(
+                "the program met a state that should be impossible (see above)",
+            ));
+            Exit::Fault
+        }
+    };
+    exit.into()
+}
+
+/// The whole command line as clap sees it.
+fn command_line() -> clap::Command {
+    Cli::command()
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn the_command_line_is_consistent() {
+        super::command_line().debug_assert();
+    }
+}

@@ -1,0 +1,122 @@
+//! How a verb ends: the exit code, and a failure with its cause and what to do about it.
+
+use std::error::Error;
+use std::fmt;
+use std::process::ExitCode;
+
+/// The end of the help text: other programs are written against these numbers.
+pub const HELP: &str = "\
+Exit codes: 0 ok, 1 a fault of the program, 2 usage, 3 device or I/O, 4 data unusable, 5 no convergence;
+diagnose: 0 nothing found, 10 named, 11 unknown cause, 12 not separable with this motion;
+demo: 0 found what was hidden, 13 did not.";
+
+/// What the process answers to its caller. The numbers are a public interface and never change.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Exit {
+    /// All went well.
+    Ok = 0,
+    /// A fault of the program itself.
+    Fault = 1,
+    /// The command line asks for something that does not exist or must not happen (an existing file, say).
+    Usage = 2,
+    /// A device or a file could not be opened, read or written.
+    Device = 3,
+    /// The data was read and cannot be used.
+    Data = 4,
+    /// The solver ended without an answer.
+    NoConvergence = 5,
+    /// diagnose: something is wrong with the model, and its cause has a name.
+    Named = 10,
+    /// diagnose: something is wrong with the model, and no effect of the catalogue explains it.
+    UnknownCause = 11,
+    /// diagnose: several effects explain it, and this motion cannot tell them apart.
+    NotSeparable = 12,
+    /// demo: what was hidden was not found.
+    NotFound = 13,
+}
+
+impl From<Exit> for ExitCode {
+    fn from(exit: Exit) -> Self {
+        ExitCode::from(exit as u8)
+    }
+}
+
+/// Why a verb failed: an exit code, the cause (with its own causes), and what the user can do.
+///
+/// Made from a typed error by the constructor that names the exit code: `Failure::data(error).advice("…")`.
+#[derive(Debug)]
+pub struct Failure {
+    exit: Exit,
+    cause: Box<dyn Error + Send + Sync>,
+    advice: Option<String>,
+}
+
+impl Failure {
+    /// A failure with the given code; `cause` is a typed error or a text.
+    pub fn new(exit: Exit, cause: impl Into<Box<dyn Error + Send + Sync>>) -> Self {
+        Self {
+            exit,
+            cause: cause.into(),
+            advice: None,
+        }
+    }
+
+    /// A fault of the program itself: exit code 1.
+    pub fn fault(cause: impl Into<Box<dyn Error + Send + Sync>>) -> Self {
+        Self::new(Exit::Fault, cause)
+            .advice("this is a bug: please report it with the command line and the text above")
+    }
+
+    /// The command line asks for what cannot or must not be done: exit code 2.
+    pub fn usage(cause: impl Into<Box<dyn Error + Send + Sync>>) -> Self {
+        Self::new(Exit::Usage, cause)
+    }
+
+    /// A device or file could not be opened, read or written: exit code 3.
+    pub fn device(cause: impl Into<Box<dyn Error + Send + Sync>>) -> Self {
+        Self::new(Exit::Device, cause)
+    }
+
+    /// The data cannot be used: exit code 4.
+    pub fn data(cause: impl Into<Box<dyn Error + Send + Sync>>) -> Self {
+        Self::new(Exit::Data, cause)
+    }
+
+    /// The solver ended without an answer: exit code 5.
+    pub fn no_convergence(cause: impl Into<Box<dyn Error + Send + Sync>>) -> Self {
+        Self::new(Exit::NoConvergence, cause)
+    }
+
+    /// The same failure with what the user can do about it.
+    #[must_use]
+    pub fn advice(mut self, advice: impl Into<String>) -> Self {
+        self.advice = Some(advice.into());
+        self
+    }
+
+    /// The exit code.
+    pub fn exit(&self) -> Exit {
+        self.exit
+    }
+}
+
+impl fmt::Display for Failure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.cause.fmt(f)
+    }
+}
+
+impl Error for Failure {
+    fn source(&self) -> Option<&(dyn Error + 'static)> {
+        self.cause.source()
+    }
+}
+
+impl miette::Diagnostic for Failure {
+    fn help<'a>(&'a self) -> Option<Box<dyn fmt::Display + 'a>> {
+        self.advice
+            .as_ref()
+            .map(|advice| Box::new(advice) as Box<dyn fmt::Display>)
+    }
+}
