@@ -1,1 +1,22 @@
-//! Least squares on a chain of stages with a border of shared unknowns. Knows numbers only.
+//! Nonlinear least squares on a chain of stages with a border of shared unknowns. Knows numbers only.
+//!
+//! ```text
+//!   stage 0 ── stage 1 ── stage 2 ─┐ break ┌─ stage 3 ── stage 4        n unknowns each
+//!      └──────────┴──────────┴─────┴───────┴─────┴──────────┘
+//!                          border: m shared unknowns
+//! ```
+//!
+//! Residuals touch one stage and the border ([`Rows`]) or carry a stage into the next one, `x[k+1] = φ(x[k], p)` ([`Transition`]).
+//! The Gauss–Newton matrix is then block tridiagonal with a dense border, and one elimination sweep costs O(N):
+//! [`factor`] runs it from both ends inwards on two threads, [`border`] holds what is left for the shared unknowns (the Schur
+//! complement, which is their information matrix), [`levenberg`] iterates, [`kernel`] has the small dense loops.
+
+pub mod border;
+pub mod factor;
+pub mod kernel;
+pub mod levenberg;
+mod problem;
+#[cfg(test)]
+mod tests;
+
+pub use problem::{LeastSquares, Rows, Step, Transition};

@@ -1,0 +1,109 @@
+//! The reduced system of the shared unknowns: damped steps, covariance, directions that the data do not determine.
+
+use nalgebra::{DMatrix, DVector, SymmetricEigen};
+
+/// The information matrix S (states eliminated) and gradient g of the shared unknowns, with directions that are held.
+#[derive(Debug, Clone)]
+pub struct Border {
+    information: DMatrix<f64>,
+    gradient: DVector<f64>,
+    /// 1/√S_ii: unknowns are compared in units of their conditional standard deviation.
+    scale: DVector<f64>,
+    /// Orthonormal columns (scaled coordinates): the held directions.
+    held: DMatrix<f64>,
+}
+
+/// A direction of the shared unknowns that the data do not determine.
+#[derive(Debug, Clone, PartialEq)]
+pub struct WeakDirection {
+    /// Unit vector in units of each unknown's conditional standard deviation.
+    pub direction: Vec<f64>,
+    /// Information along it, relative to what each unknown would have alone (1: fully determined, 0: not at all).
+    pub relative_information: f64,
+}
+
+impl Border {
+    /// From the Schur complement (row-major m × m) and its gradient; `held` are directions in the unknowns' own units that no step may take.
+    pub fn new(information: &[f64], gradient: &[f64], held: &[Vec<f64>]) -> Self {
+        let m = gradient.len();
+        let information = DMatrix::from_row_slice(m, m, information);
+        let scale =
+            DVector::from_fn(
+                m,
+                |i, _| if information[(i, i)] > 0.0 { information[(i, i)].sqrt().recip() } else { 1.0 },
+            );
+        let mut border =
+            Border { gradient: DVector::from_row_slice(gradient), information, held: DMatrix::zeros(m, 0), scale };
+        for direction in held {
+            border.hold(direction);
+        }
+        border
+    }
+
+    /// Holds one more direction (in the unknowns' own units).
+    pub fn hold(&mut self, direction: &[f64]) {
+        let mut v = DVector::from_row_slice(direction).component_div(&self.scale);
+        for q in self.held.column_iter() {
+            v -= q * q.dot(&v);
+        }
+        let norm = v.norm();
+        if norm > 1e-9 {
+            let column = self.held.ncols();
+            self.held = std::mem::replace(&mut self.held, DMatrix::zeros(0, 0)).insert_column(column, 0.0);
+            self.held.set_column(column, &(v / norm));
+        }
+    }
+
+    /// S in units of the conditional standard deviations, with the held directions made regular and independent of the rest.
+    fn scaled(&self) -> DMatrix<f64> {
+        let m = self.scale.len();
+        let scaled = DMatrix::from_fn(m, m, |i, j| self.information[(i, j)] * self.scale[i] * self.scale[j]);
+        let free = DMatrix::identity(m, m) - &self.held * self.held.transpose();
+        &free * scaled * &free + &self.held * self.held.transpose()
+    }
+
+    /// The step that solves `(S + damping diag S) δ = −g` with no component along held directions, and the decrease of ½ Σ r² that the
+    /// quadratic model promises for it. `None` when the damped matrix is not positive definite.
+    pub fn step(&self, damping: f64) -> Option<(Vec<f64>, f64)> {
+        let m = self.scale.len();
+        let scaled = self.scaled();
+        let free = DMatrix::identity(m, m) - &self.held * self.held.transpose();
+        let gradient = &free * self.gradient.component_mul(&self.scale);
+        let damped = &scaled + DMatrix::identity(m, m) * damping;
+        let delta = -damped.cholesky()?.solve(&gradient);
+        let promised = -gradient.dot(&delta) - 0.5 * delta.dot(&(&scaled * &delta));
+        Some((delta.component_mul(&self.scale).as_slice().to_vec(), promised))
+    }
+
+    /// Directions whose information is less than `threshold` of what their unknowns would have alone, weakest first; held ones excluded.
+    pub fn weak_directions(&self, threshold: f64) -> Vec<WeakDirection> {
+        let eigen = SymmetricEigen::new(self.scaled());
+        let mut weak: Vec<_> = (0..self.scale.len())
+            .filter(|&i| eigen.eigenvalues[i] < threshold)
+            .map(|i| WeakDirection {
+                direction: eigen.eigenvectors.column(i).as_slice().to_vec(),
+                relative_information: eigen.eigenvalues[i],
+            })
+            .collect();
+        weak.sort_by(|a, b| a.relative_information.total_cmp(&b.relative_information));
+        weak
+    }
+
+    /// A direction of [`weak_directions`](Self::weak_directions) in the unknowns' own units.
+    pub fn in_own_units(&self, direction: &WeakDirection) -> Vec<f64> {
+        direction.direction.iter().zip(self.scale.iter()).map(|(v, s)| v * s).collect()
+    }
+
+    /// Covariance of the shared unknowns, row-major m × m: the inverse of S on the directions that are free, zero along held ones.
+    /// `None` when S is singular there.
+    pub fn covariance(&self) -> Option<DMatrix<f64>> {
+        let m = self.scale.len();
+        let inverse = self.scaled().cholesky()?.inverse() - &self.held * self.held.transpose();
+        Some(DMatrix::from_fn(m, m, |i, j| inverse[(i, j)] * self.scale[i] * self.scale[j]))
+    }
+
+    /// Whether unknown i takes part in a held direction with more than a thousandth of its unit.
+    pub fn touches_held(&self, i: usize) -> bool {
+        self.held.row(i).norm() > 1e-3
+    }
+}

@@ -1,0 +1,219 @@
+//! Levenberg–Marquardt on a chain: the states are eliminated, the damping acts on the shared unknowns.
+//!
+//! A rejected step costs a solve of the small border and a back-substitution, no new factorisation. Only where the states
+//! themselves lead astray (several rejections, or a stage that its residuals do not determine) are their diagonals damped too.
+
+use std::time::Instant;
+
+use super::border::Border;
+use super::factor::{Factor, SolveError};
+use super::{LeastSquares, Step};
+
+/// When to stop, how much to damp, how many threads to use.
+#[derive(Debug, Clone)]
+pub struct Settings {
+    /// Most factorisations. Default 60.
+    pub max_iterations: usize,
+    /// Converged when an accepted step changes the cost by less than this share. Default 1e-9.
+    pub relative_cost_change: f64,
+    /// First damping of the border, relative to its diagonal. Default 1e-4.
+    pub initial_damping: f64,
+    /// Threads, 1 or 2. Default: 2 where the machine has them.
+    pub threads: usize,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Settings {
+            max_iterations: 60,
+            relative_cost_change: 1e-9,
+            initial_damping: 1e-4,
+            threads: std::thread::available_parallelism().map_or(1, |n| n.get().min(2)),
+        }
+    }
+}
+
+/// How a solve ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Status {
+    /// The last accepted step changed the cost by less than asked.
+    Converged,
+    /// No step reduces the cost any further, and what the quadratic model still promises is below a thousand times the tolerance.
+    Almost,
+    /// No step reduces the cost, though the quadratic model promises that one should.
+    NoProgress,
+    /// The iterations were used up.
+    IterationLimit,
+}
+
+/// One iteration, for the log.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Iteration {
+    /// Cost ½ Σ r² after it.
+    pub cost: f64,
+    /// Damping of the border that was accepted.
+    pub damping: f64,
+    /// Trial steps, the accepted one included.
+    pub trials: usize,
+}
+
+/// Seconds spent in the parts of a solve.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Seconds {
+    /// Linearising and eliminating (one fused sweep).
+    pub factor: f64,
+    /// Border solves, back-substitutions, retractions and trial costs.
+    pub solve: f64,
+    /// All of it.
+    pub total: f64,
+}
+
+/// The end of a solve.
+#[derive(Debug)]
+pub struct Solution<P> {
+    /// The best point.
+    pub point: P,
+    /// ½ Σ r² there.
+    pub cost: f64,
+    /// How it ended.
+    pub status: Status,
+    /// One entry a factorisation.
+    pub iterations: Vec<Iteration>,
+    /// Where the time went.
+    pub seconds: Seconds,
+    /// The factor at the final point, undamped.
+    pub factor: Factor,
+}
+
+/// Sum of ½ Σ r² over all stages; partial sums over fixed runs of stages make it independent of the number of threads.
+pub fn total_cost<P: LeastSquares>(problem: &P, point: &P::Point, threads: usize) -> f64 {
+    const RUN: usize = 2048;
+    let runs = problem.stages().div_ceil(RUN);
+    let sum_run = |run: usize| -> f64 {
+        (run * RUN..((run + 1) * RUN).min(problem.stages())).map(|k| problem.cost(point, k)).sum()
+    };
+    let sums: Vec<f64> = if threads > 1 && runs > 1 {
+        let half = runs / 2;
+        std::thread::scope(|scope| {
+            let first = scope.spawn(|| (0..half).map(sum_run).collect::<Vec<_>>());
+            let second: Vec<_> = (half..runs).map(sum_run).collect();
+            let mut sums = first.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+            sums.extend(second);
+            sums
+        })
+    } else {
+        (0..runs).map(sum_run).collect()
+    };
+    sums.iter().sum::<f64>() + problem.border_cost(point)
+}
+
+/// Minimises ½ Σ r² from `start`. `held` are directions of the shared unknowns that no step takes; `progress` is called once an iteration.
+///
+/// # Errors
+/// A stage too large for the compiled blocks, or one that stays undetermined however strongly its states are damped.
+pub fn minimise<P: LeastSquares>(
+    problem: &P,
+    start: P::Point,
+    held: &[Vec<f64>],
+    settings: &Settings,
+    mut progress: impl FnMut(usize, &Iteration),
+) -> Result<Solution<P::Point>, SolveError> {
+    let begin = Instant::now();
+    let mut seconds = Seconds::default();
+    let mut factor = Factor::new(problem)?;
+    let mut point = start;
+    let mut cost = total_cost(problem, &point, settings.threads);
+    let mut damping = settings.initial_damping;
+    let mut state_damping = 0.0;
+    let mut iterations: Vec<Iteration> = Vec::new();
+    let mut status = Status::IterationLimit;
+
+    while iterations.len() < settings.max_iterations {
+        let clock = Instant::now();
+        let factored = factor.factorise(problem, &point, state_damping, settings.threads);
+        seconds.factor += clock.elapsed().as_secs_f64();
+        if let Err(singular) = factored {
+            state_damping = if state_damping == 0.0 { 1e-12 } else { state_damping * 100.0 };
+            if state_damping > 1e3 {
+                return Err(singular.into());
+            }
+            continue;
+        }
+        let (information, gradient) = factor.schur();
+        let border = Border::new(&information, &gradient, held);
+        // What the states alone promise: half the squares that their elimination removed.
+        let states_promise = cost - 0.5 * factor.eliminated_square_sum();
+
+        let clock = Instant::now();
+        let mut accepted = None;
+        let mut trials = 0;
+        let mut promised = 0.0;
+        while trials < 12 {
+            trials += 1;
+            let Some((shared, border_promise)) = border.step(damping) else {
+                damping = (damping * 10.0).max(1e-12);
+                continue;
+            };
+            promised = states_promise + border_promise;
+            let step: Step = factor.back_substitute(&shared, settings.threads);
+            let trial = problem.retract(&point, &step);
+            let trial_cost = total_cost(problem, &trial, settings.threads);
+            // NaN counts as a rejection.
+            if trial_cost < cost {
+                let ratio = (cost - trial_cost) / promised;
+                accepted = Some((trial, trial_cost, damping));
+                damping *= if ratio > 0.5 {
+                    0.1
+                } else if ratio < 0.1 {
+                    10.0
+                } else {
+                    1.0
+                };
+                break;
+            }
+            if promised <= 1e-12 * cost.abs() {
+                break;
+            }
+            damping = (damping * 10.0).max(1e-9);
+        }
+        seconds.solve += clock.elapsed().as_secs_f64();
+        let Some((trial, trial_cost, used)) = accepted else {
+            if promised <= settings.relative_cost_change * cost {
+                status = Status::Converged;
+                break;
+            }
+            if state_damping < 1.0 {
+                // The states are the ones that lead astray.
+                state_damping = if state_damping == 0.0 { 1e-6 } else { state_damping * 100.0 };
+                damping = settings.initial_damping;
+                continue;
+            }
+            status = if promised <= 1e3 * settings.relative_cost_change * cost {
+                Status::Almost
+            } else {
+                Status::NoProgress
+            };
+            break;
+        };
+        let change = (cost - trial_cost) / trial_cost.max(f64::MIN_POSITIVE);
+        point = trial;
+        cost = trial_cost;
+        let iteration = Iteration { cost, damping: used, trials };
+        progress(iterations.len() + 1, &iteration);
+        iterations.push(iteration);
+        if change < settings.relative_cost_change {
+            status = Status::Converged;
+            break;
+        }
+        state_damping = if state_damping > 1e-9 { state_damping * 0.01 } else { 0.0 };
+    }
+
+    let clock = Instant::now();
+    factor.factorise(problem, &point, 0.0, settings.threads).or_else(|_| {
+        // A stage that only damping determines: its states keep what little damping they need.
+        factor.factorise(problem, &point, 1e-12, settings.threads)
+    })?;
+    seconds.factor += clock.elapsed().as_secs_f64();
+    seconds.total = begin.elapsed().as_secs_f64();
+    Ok(Solution { point, cost, status, iterations, seconds, factor })
+}
