@@ -6,6 +6,7 @@
 use crate::examples;
 use protocol::{
     Duty, Flags, Layout, MotionId, Sample,
+    hello::SchemaKey,
     message::{MAX_TO_HOST_FRAME, write_report, write_sample, write_to_device},
 };
 use std::{fmt::Write as _, fs, path::Path};
@@ -18,7 +19,7 @@ fn hex(bytes: &[u8]) -> String {
 }
 
 fn vectors() -> String {
-    let mut out = String::new();
+    let mut out = format!("schema    key {}\n", SchemaKey::OURS);
     let mut frame = [0; MAX_TO_HOST_FRAME];
     let mut sample = Sample {
         seq: 70_000,
