@@ -1,1 +1,257 @@
-//! What a robot is: its description file, kinematic chain and inertia.
+//! What a robot is: its description file, its kinematic chain and its inertia.
+//!
+//! ```text
+//! TOML text ── file ──▶ tables ── validate ──▶ Robot ──┬─▶ channels()    what a recording of it holds
+//!                                                      ├─▶ parameters()  what a calibration estimates
+//!                                                      └─▶ chain()       M(q), c(q, q̇), g(q), body rates
+//! ```
+//!
+//! A robot is a serial chain of revolute or prismatic joints. Each joint moves one body and is driven by one motor
+//! through a gear and a rigid or elastic transmission; all motor quantities are meant on the link side of the gear.
+//! The base frame stands where the robot is mounted (a compliant mounting tilts about its origin).
+
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+pub mod chain;
+mod channel;
+mod error;
+mod file;
+mod parameter;
+mod sensor;
+#[cfg(test)]
+mod tests;
+mod validate;
+mod vector;
+
+pub use channel::{Channel, ChannelKind};
+pub use error::RobotError;
+pub use parameter::{Parameter, ParameterSpec, Symbol};
+pub use sensor::{Encoder, Gyro, Sensor, Tachometer};
+pub use vector::{Matrix3, Vector3};
+
+use chain::Chain;
+
+/// The descriptions that come with the program: name and text.
+const BUILTIN: [(&str, &str); 2] =
+    [("doggy", include_str!("builtin/doggy.toml")), ("one_joint", include_str!("builtin/one_joint.toml"))];
+
+/// A robot, as its description file says and checked.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Robot {
+    /// Name, also in handshakes and results.
+    pub name: String,
+    /// One line for people.
+    pub description: String,
+    /// Period of the control loop and of recordings, s.
+    pub sample_period_s: f64,
+    /// What the motors are commanded with.
+    pub input: Input,
+    /// Whether the base model has Coriolis and centrifugal terms.
+    pub coriolis: bool,
+    /// Acceleration of free fall in base axes, m/s².
+    pub gravity_m_s2: Vector3,
+    /// Joints from the base outwards.
+    pub joints: Vec<Joint>,
+    /// Sensors in the order of the file.
+    pub sensors: Vec<Sensor>,
+    parameters: Vec<ParameterSpec>,
+    toml: String,
+}
+
+/// One joint, the body that it moves and the drive that moves it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Joint {
+    /// Name, unique in the robot.
+    pub name: String,
+    /// Turns or slides.
+    pub kind: JointKind,
+    /// Unit vector in joint axes, which are also the axes of the body.
+    pub axis: Vector3,
+    /// Origin of the joint frame at position 0, in the axes of the previous body, m.
+    pub origin_m: Vector3,
+    /// Takes vectors from the previous body's axes to the joint's at position 0.
+    pub rotation: Matrix3,
+    /// Allowed positions, rad or m.
+    pub limits: [f64; 2],
+    /// Whether gravity loads this joint.
+    pub gravity: GravityLoad,
+    /// What lies between motor and link.
+    pub transmission: Transmission,
+    /// Friction of the drive.
+    pub friction: Friction,
+    /// Motor radians per radian (or metre) of the link.
+    pub gear: f64,
+    /// The moved body.
+    pub body: Body,
+}
+
+/// How a joint moves.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum JointKind {
+    /// Turns about its axis; position in rad.
+    Revolute,
+    /// Slides along its axis; position in m.
+    Prismatic,
+}
+
+/// A rigid body in the axes of its joint frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Body {
+    /// Mass, kg.
+    pub mass_kg: f64,
+    /// Centre of mass, m.
+    pub centre_m: Vector3,
+    /// Inertia tensor about the centre of mass, kg m².
+    pub inertia_kg_m2: Matrix3,
+}
+
+/// Whether gravity loads a joint.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum GravityLoad {
+    /// The joint bears it.
+    Acts,
+    /// Counter-springs or weights cancel it on this joint. What carries the chain still bears it.
+    Compensated,
+}
+
+/// What lies between motor and link.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Transmission {
+    /// Spring and damper: τ_c = k_s (q − θ) + d_s (q̇ − θ̇).
+    Elastic,
+    /// q = θ.
+    Rigid,
+}
+
+/// A side of the transmission.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Side {
+    /// The motor's, θ.
+    Motor,
+    /// The link's, q.
+    Link,
+}
+
+/// Friction law of a drive.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Friction {
+    /// None.
+    None,
+    /// Equation (12): τ_f = 2 μ (1 / (1 + exp(−κ v)) − 1/2).
+    Coulomb {
+        /// Whose speed v is.
+        speed: Side,
+        /// κ, s/rad or s/m.
+        slope_s: f64,
+    },
+}
+
+/// What a motor is commanded with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum InputUnit {
+    /// Fraction of the supply voltage, −1 … 1: τ_m = k_pwm U_max u − k_mi θ̇.
+    Duty,
+    /// Motor voltage: τ_m = k_pwm u − k_mi θ̇.
+    Volt,
+    /// Motor current: τ_m = k_t u.
+    Ampere,
+    /// Torque on the link side of the gear: τ_m = u.
+    NewtonMetre,
+    /// Force on the link side of the gear: τ_m = u.
+    Newton,
+}
+
+/// The input and what scales it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Input {
+    /// Unit of u.
+    pub unit: InputUnit,
+    /// What one unit of u is in the unit of the torque constant: U_max in V for duty, 1 otherwise.
+    pub scale: f64,
+}
+
+impl Robot {
+    /// Names of the built-in descriptions.
+    pub fn builtin_names() -> impl Iterator<Item = &'static str> {
+        BUILTIN.iter().map(|(name, _)| *name)
+    }
+
+    /// A robot that comes with the program.
+    ///
+    /// # Errors
+    /// [`RobotError::UnknownRobot`] with the known names.
+    pub fn builtin(name: &str) -> Result<Self, RobotError> {
+        match BUILTIN.iter().find(|(known, _)| *known == name) {
+            Some((_, text)) => Self::parse(text),
+            None => Err(RobotError::unknown_robot(name, &Self::builtin_names().collect::<Vec<_>>())),
+        }
+    }
+
+    /// A robot from the text of a description file.
+    ///
+    /// # Errors
+    /// [`RobotError`] names the field, its value and what to do.
+    pub fn parse(text: &str) -> Result<Self, RobotError> {
+        let file: file::RobotFile = toml::from_str(text).map_err(|error| RobotError::syntax(&error))?;
+        validate::robot(file, text)
+    }
+
+    /// A built-in robot by its name, or a description file by its path.
+    ///
+    /// # Errors
+    /// As [`Self::parse`]; a file that cannot be read; a name that is neither.
+    pub fn load(name_or_path: &str) -> Result<Self, RobotError> {
+        if Self::builtin_names().any(|known| known == name_or_path) {
+            return Self::builtin(name_or_path);
+        }
+        let path = Path::new(name_or_path);
+        let looks_like_a_path = path.components().count() > 1 || path.extension().is_some();
+        if !looks_like_a_path && !path.exists() {
+            return Self::builtin(name_or_path);
+        }
+        let text =
+            std::fs::read_to_string(path).map_err(|source| RobotError::Read { path: path.to_owned(), source })?;
+        Self::parse(&text)
+    }
+
+    /// The text of the description file, comments and all.
+    pub fn toml(&self) -> &str {
+        &self.toml
+    }
+
+    /// The kinematic chain with its inertias, gravity and Coriolis terms as described.
+    pub fn chain(&self) -> Chain {
+        Chain::of(self)
+    }
+
+    /// Gyros in the order of the file: the first is gyro 1.
+    pub fn gyros(&self) -> impl Iterator<Item = &Gyro> {
+        self.sensors.iter().filter_map(|sensor| match sensor {
+            Sensor::Gyro(gyro) => Some(gyro),
+            _ => None,
+        })
+    }
+
+    /// What a recording of this robot holds beside time and input, in the order of its columns.
+    pub fn channels(&self) -> Vec<Channel> {
+        channel::channels(self)
+    }
+
+    /// Every parameter of the base model, in the order of the results: `k_pwm k_t k_mi b mu[i] k_s[i] d_s[i]`, then each
+    /// gyro's bias, then each gyro's misalignment.
+    pub fn parameters(&self) -> &[ParameterSpec] {
+        &self.parameters
+    }
+
+    /// The parameter that `symbol` means at `joint` (0-based), if that joint has one.
+    pub fn joint_parameter(&self, symbol: Symbol, joint: usize) -> Option<&ParameterSpec> {
+        self.parameters.iter().find(|spec| spec.symbol == symbol && spec.joints.contains(&joint))
+    }
+}

@@ -1,0 +1,223 @@
+//! A serial chain of rigid bodies: kinematics and dynamics over any scalar, without allocation.
+//!
+//! ```text
+//! M(q) q̈ + c(q, q̇) + g(q) = τ      M by composite rigid bodies, the left side by recursive Newton–Euler
+//! ```
+//! (Featherstone, Rigid Body Dynamics Algorithms, 2008, chapters 5 and 6.) Positions are rad or m by the kind of joint.
+//!
+//! Inside, every joint moves about or along its own z: a constant rotation between neighbours takes that up, and what
+//! depends on q is a rotation in a plane. Results are in the axes of the description.
+
+use super::vector::{self, IDENTITY, add, apply, apply_transposed, axes_with_z_along, constant, product, transpose};
+use super::{GravityLoad, JointKind, Matrix3, Robot, RobotError, Vector3};
+
+mod derivative;
+mod dynamics;
+mod kinematics;
+
+pub use super::vector::Scalar;
+
+/// The most joints a chain holds: a robot of seven and passive joints before or after it.
+pub const MAX_JOINTS: usize = 10;
+
+/// A serial chain of rigid bodies, one a joint.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Chain {
+    links: Vec<Link>,
+    /// Acceleration of free fall in base axes.
+    gravity_m_s2: Vector3,
+    coriolis: bool,
+}
+
+/// A joint and its body, in axes whose z is the joint's axis.
+#[derive(Debug, Clone, PartialEq)]
+struct Link {
+    kind: JointKind,
+    /// Previous link's axes → this link's at position 0.
+    from_previous: Matrix3,
+    /// Origin at position 0 in the previous link's axes, m.
+    origin_m: Vector3,
+    /// This link's axes → the body's axes in the description.
+    to_body: Matrix3,
+    gravity: GravityLoad,
+    mass_kg: f64,
+    /// Mass times centre, kg m.
+    first_moment: Vector3,
+    /// About the frame's origin, kg m².
+    inertia: Symmetric<f64>,
+}
+
+/// A symmetric 3×3 matrix.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Symmetric<T> {
+    xx: T,
+    yy: T,
+    zz: T,
+    xy: T,
+    xz: T,
+    yz: T,
+}
+
+impl Chain {
+    pub(super) fn of(robot: &Robot) -> Self {
+        let mut previous_to_body = IDENTITY;
+        let links = robot.joints.iter().map(|joint| {
+            let to_body = axes_with_z_along(joint.axis);
+            let from_body = transpose(&to_body);
+            let from_previous = product(&from_body, &product(&joint.rotation, &previous_to_body));
+            let origin_m = apply_transposed(&previous_to_body, joint.origin_m);
+            previous_to_body = to_body;
+            let body = &joint.body;
+            let centre = apply(&from_body, body.centre_m);
+            let about_centre = product(&from_body, &product(&body.inertia_kg_m2, &to_body));
+            Link {
+                kind: joint.kind,
+                from_previous,
+                origin_m,
+                to_body,
+                gravity: joint.gravity,
+                mass_kg: body.mass_kg,
+                first_moment: vector::scale(centre, body.mass_kg),
+                inertia: Symmetric::of(&about_centre).about_origin(body.mass_kg, centre),
+            }
+        });
+        Self { links: links.collect(), gravity_m_s2: robot.gravity_m_s2, coriolis: robot.coriolis }
+    }
+
+    /// The same chain on passive revolute joints: massless bodies that turn about `axes` (unit vectors in base axes,
+    /// one after the other), all through `origin_m`. Gravity acts on them. Their positions come first in q.
+    ///
+    /// # Errors
+    /// [`RobotError::TooManyJoints`] beyond [`MAX_JOINTS`].
+    pub fn with_base_joints(&self, origin_m: Vector3, axes: &[Vector3]) -> Result<Self, RobotError> {
+        let joints = self.links.len() + axes.len();
+        if joints > MAX_JOINTS {
+            return Err(RobotError::TooManyJoints { got: joints, max: MAX_JOINTS });
+        }
+        let mut links = Vec::with_capacity(joints);
+        let mut previous_to_base = IDENTITY;
+        for (index, &axis) in axes.iter().enumerate() {
+            let to_base = axes_with_z_along(axis);
+            links.push(Link {
+                kind: JointKind::Revolute,
+                from_previous: product(&transpose(&to_base), &previous_to_base),
+                origin_m: if index == 0 { origin_m } else { [0.0; 3] },
+                to_body: to_base,
+                gravity: GravityLoad::Acts,
+                mass_kg: 0.0,
+                first_moment: [0.0; 3],
+                inertia: Symmetric { xx: 0.0, yy: 0.0, zz: 0.0, xy: 0.0, xz: 0.0, yz: 0.0 },
+            });
+            previous_to_base = to_base;
+        }
+        let mut rest = self.links.iter().cloned();
+        if let Some(mut first) = rest.next().filter(|_| !axes.is_empty()) {
+            let from_pivot = add(first.origin_m, vector::scale(origin_m, -1.0));
+            first.origin_m = apply_transposed(&previous_to_base, from_pivot);
+            first.from_previous = product(&first.from_previous, &previous_to_base);
+            links.push(first);
+            links.extend(rest);
+        } else {
+            links = self.links.clone();
+        }
+        Ok(Self { links, gravity_m_s2: self.gravity_m_s2, coriolis: self.coriolis })
+    }
+
+    /// The same chain with or without Coriolis and centrifugal terms.
+    #[must_use]
+    pub fn with_coriolis(mut self, coriolis: bool) -> Self {
+        self.coriolis = coriolis;
+        self
+    }
+
+    /// Number of joints, passive ones included.
+    pub fn joints(&self) -> usize {
+        self.links.len()
+    }
+
+    /// Whether [`Self::link_torque`] depends on the speeds.
+    pub fn has_coriolis(&self) -> bool {
+        self.coriolis
+    }
+
+    /// Whether gravity loads any joint.
+    pub fn has_gravity(&self) -> bool {
+        self.gravity_m_s2 != [0.0; 3] && self.links.iter().any(|link| link.gravity == GravityLoad::Acts)
+    }
+}
+
+impl Link {
+    /// Sine and cosine of the turn that position `q` makes.
+    #[inline(always)]
+    fn turn<T: Scalar>(&self, q: T) -> (T, T) {
+        match self.kind {
+            JointKind::Revolute => q.sin_cos(),
+            JointKind::Prismatic => (T::from(0.0), T::from(1.0)),
+        }
+    }
+
+    /// Where the origin stands at position `q`, in the previous link's axes.
+    #[inline(always)]
+    fn origin<T: Scalar>(&self, q: T) -> [T; 3] {
+        let at_zero = constant(self.origin_m);
+        match self.kind {
+            JointKind::Revolute => at_zero,
+            // The third row of previous → this is this link's z in the previous link's axes.
+            JointKind::Prismatic => add(at_zero, self.from_previous[2].map(|z| q * z)),
+        }
+    }
+
+    /// A vector from the previous link's axes into this link's.
+    #[inline(always)]
+    fn inwards<T: Scalar>(&self, (sin, cos): (T, T), v: [T; 3]) -> [T; 3] {
+        let w = apply(&self.from_previous, v);
+        [w[0] * cos + w[1] * sin, w[1] * cos - w[0] * sin, w[2]]
+    }
+
+    /// A vector from this link's axes into the previous link's.
+    #[inline(always)]
+    fn outwards<T: Scalar>(&self, (sin, cos): (T, T), v: [T; 3]) -> [T; 3] {
+        apply_transposed(&self.from_previous, [v[0] * cos - v[1] * sin, v[0] * sin + v[1] * cos, v[2]])
+    }
+}
+
+impl Symmetric<f64> {
+    fn of(m: &Matrix3) -> Self {
+        Self { xx: m[0][0], yy: m[1][1], zz: m[2][2], xy: m[0][1], xz: m[0][2], yz: m[1][2] }
+    }
+
+    /// Steiner: an inertia about the centre, about a point from which the centre is `c`.
+    fn about_origin(self, mass: f64, c: Vector3) -> Self {
+        Self {
+            xx: self.xx + mass * (c[1] * c[1] + c[2] * c[2]),
+            yy: self.yy + mass * (c[0] * c[0] + c[2] * c[2]),
+            zz: self.zz + mass * (c[0] * c[0] + c[1] * c[1]),
+            xy: self.xy - mass * c[0] * c[1],
+            xz: self.xz - mass * c[0] * c[2],
+            yz: self.yz - mass * c[1] * c[2],
+        }
+    }
+
+    /// The constant matrix times a vector.
+    #[inline(always)]
+    fn apply<T: Scalar>(&self, v: [T; 3]) -> [T; 3] {
+        [
+            v[0] * self.xx + v[1] * self.xy + v[2] * self.xz,
+            v[0] * self.xy + v[1] * self.yy + v[2] * self.yz,
+            v[0] * self.xz + v[1] * self.yz + v[2] * self.zz,
+        ]
+    }
+
+    #[inline(always)]
+    fn constant<T: Scalar>(&self) -> Symmetric<T> {
+        let Self { xx, yy, zz, xy, xz, yz } = *self;
+        Symmetric {
+            xx: T::from(xx),
+            yy: T::from(yy),
+            zz: T::from(zz),
+            xy: T::from(xy),
+            xz: T::from(xz),
+            yz: T::from(yz),
+        }
+    }
+}

@@ -1,0 +1,121 @@
+//! The parameters of the base model as a robot declares them.
+
+use super::{Friction, InputUnit, Joint, JointKind, Transmission};
+
+/// A number that is estimated from a start value, or known.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Parameter {
+    /// Start value, or the known value.
+    pub start: f64,
+    /// Whether it is estimated.
+    pub free: bool,
+}
+
+/// What a parameter is in the equations.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Symbol {
+    /// Torque per volt of a motor.
+    KPwm,
+    /// Torque per ampere of a motor.
+    KT,
+    /// Torque per speed from the back-EMF.
+    KMi,
+    /// Motor inertia on the link side of the gear.
+    B,
+    /// Coulomb friction.
+    Mu,
+    /// Stiffness of the transmission.
+    KS,
+    /// Damping of the transmission.
+    DS,
+    /// Bias of one gyro axis (0-based).
+    Bias {
+        /// Which gyro.
+        gyro: usize,
+        /// Sensor axis.
+        axis: usize,
+    },
+    /// One component of a gyro's misalignment δ (0-based).
+    Misalignment {
+        /// Which gyro.
+        gyro: usize,
+        /// Body axis of the rotation vector.
+        axis: usize,
+    },
+}
+
+/// One parameter: its name in results, where it enters, and where its estimate starts.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ParameterSpec {
+    /// Name, as `k_pwm`, `k_s[2]`, `bias1[x]`, `R_imu2[z]`.
+    pub name: String,
+    /// What it is.
+    pub symbol: Symbol,
+    /// The joints it enters, 0-based; empty for sensors.
+    pub joints: Vec<usize>,
+    /// Unit.
+    pub unit: &'static str,
+    /// Start value, free or not.
+    pub value: Parameter,
+}
+
+impl Symbol {
+    /// The parameters of joints, in the order of the results.
+    pub const OF_JOINTS: [Self; 7] = [Self::KPwm, Self::KT, Self::KMi, Self::B, Self::Mu, Self::KS, Self::DS];
+
+    /// The name in files and results, without an index.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::KPwm => "k_pwm",
+            Self::KT => "k_t",
+            Self::KMi => "k_mi",
+            Self::B => "b",
+            Self::Mu => "mu",
+            Self::KS => "k_s",
+            Self::DS => "d_s",
+            Self::Bias { .. } => "bias",
+            Self::Misalignment { .. } => "R_imu",
+        }
+    }
+
+    /// The unit at a joint of this kind.
+    pub const fn unit(self, kind: JointKind) -> &'static str {
+        match (kind, self) {
+            (_, Self::Bias { .. }) => "rad/s",
+            (_, Self::Misalignment { .. }) => "rad",
+            (JointKind::Revolute, Self::KPwm) => "N m/V",
+            (JointKind::Revolute, Self::KT) => "N m/A",
+            (JointKind::Revolute, Self::KMi | Self::DS) => "N m s/rad",
+            (JointKind::Revolute, Self::B) => "kg m^2",
+            (JointKind::Revolute, Self::Mu) => "N m",
+            (JointKind::Revolute, Self::KS) => "N m/rad",
+            (JointKind::Prismatic, Self::KPwm) => "N/V",
+            (JointKind::Prismatic, Self::KT) => "N/A",
+            (JointKind::Prismatic, Self::KMi | Self::DS) => "N s/m",
+            (JointKind::Prismatic, Self::B) => "kg",
+            (JointKind::Prismatic, Self::Mu) => "N",
+            (JointKind::Prismatic, Self::KS) => "N/m",
+        }
+    }
+
+    /// Whether the equations of this joint hold the parameter.
+    pub(super) fn enters(self, joint: &Joint, input: InputUnit) -> bool {
+        match self {
+            Self::KPwm | Self::KMi => matches!(input, InputUnit::Duty | InputUnit::Volt),
+            Self::KT => input == InputUnit::Ampere,
+            Self::B => true,
+            Self::Mu => joint.friction != Friction::None,
+            Self::KS | Self::DS => joint.transmission == Transmission::Elastic,
+            Self::Bias { .. } | Self::Misalignment { .. } => false,
+        }
+    }
+
+    /// Whether zero is a value that the equations can stand.
+    pub(super) const fn may_be_zero(self, joint: &Joint) -> bool {
+        match self {
+            Self::KPwm | Self::KT | Self::KS => false,
+            Self::B => matches!(joint.transmission, Transmission::Rigid),
+            _ => true,
+        }
+    }
+}

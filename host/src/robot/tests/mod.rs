@@ -1,0 +1,3 @@
+mod chain;
+mod description;
+mod doggy;
