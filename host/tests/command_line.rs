@@ -14,11 +14,7 @@ fn text(bytes: &[u8]) -> String {
 fn a_verb_that_does_not_exist_is_a_usage_error() {
     let output = host().arg("calibrat").output().unwrap();
     assert_eq!(output.status.code(), Some(2));
-    assert!(
-        text(&output.stderr).contains("calibrat"),
-        "{}",
-        text(&output.stderr)
-    );
+    assert!(text(&output.stderr).contains("calibrat"), "{}", text(&output.stderr));
     assert!(output.stdout.is_empty());
 }
 
@@ -26,21 +22,13 @@ fn a_verb_that_does_not_exist_is_a_usage_error() {
 fn help_says_what_the_exit_codes_mean() {
     let output = host().arg("--help").output().unwrap();
     assert_eq!(output.status.code(), Some(0));
-    assert!(
-        text(&output.stdout).contains("4 data unusable"),
-        "{}",
-        text(&output.stdout)
-    );
+    assert!(text(&output.stdout).contains("4 data unusable"), "{}", text(&output.stdout));
 }
 
 #[test]
 fn completions_go_to_stdout() {
     let output = host().args(["completions", "bash"]).output().unwrap();
     assert_eq!(output.status.code(), Some(0));
-    assert!(
-        text(&output.stdout).contains("complete"),
-        "{}",
-        text(&output.stdout)
-    );
+    assert!(text(&output.stdout).contains("complete"), "{}", text(&output.stdout));
     assert!(output.stderr.is_empty());
 }

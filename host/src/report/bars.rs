@@ -44,12 +44,7 @@ pub struct Bar {
 impl Bar {
     /// A bar of that length.
     pub fn new(label: impl Into<String>, value: f64) -> Self {
-        Self {
-            label: label.into(),
-            value,
-            interval: None,
-            tone: Tone::Plain,
-        }
+        Self { label: label.into(), value, interval: None, tone: Tone::Plain }
     }
 
     /// The interval of the value, drawn as a whisker.
@@ -80,13 +75,7 @@ pub struct BarChart {
 impl BarChart {
     /// An empty chart; the label is of the form `quantity (unit)`.
     pub fn new(x_label: impl Into<String>) -> Self {
-        Self {
-            x_label: x_label.into(),
-            bars: Vec::new(),
-            threshold: None,
-            logarithmic: false,
-            caption: String::new(),
-        }
+        Self { x_label: x_label.into(), bars: Vec::new(), threshold: None, logarithmic: false, caption: String::new() }
     }
 
     /// Adds a row.
@@ -134,8 +123,7 @@ impl BarChart {
                 let (low, high) = b.interval.unwrap_or((b.value, b.value));
                 [b.value, low, high]
             });
-            ends.chain(self.threshold.as_ref().map(|t| t.0))
-                .filter(|v| v.is_finite())
+            ends.chain(self.threshold.as_ref().map(|t| t.0)).filter(|v| v.is_finite())
         };
         let high = values().fold(f64::NEG_INFINITY, f64::max);
         if self.logarithmic {
@@ -143,12 +131,7 @@ impl BarChart {
             if low.is_finite() && high > 0.0 {
                 // From the decade below the least value, so that its bar still has a length.
                 let first = 10f64.powf((low.log10() - 1e-9).floor());
-                return Scale::logarithmic(
-                    first,
-                    high.max(first * 10.0) * 1.1,
-                    BAR_LEFT,
-                    BAR_RIGHT,
-                );
+                return Scale::logarithmic(first, high.max(first * 10.0) * 1.1, BAR_LEFT, BAR_RIGHT);
             }
         }
         let low = values().fold(0.0, f64::min);
@@ -198,16 +181,8 @@ impl BarChart {
     fn write_row(&self, h: &mut Html, scale: &Scale, bar: &Bar, top: f64) {
         let middle = top + ROW / 2.0;
         label(h, "row", "end", (BAR_LEFT - 8.0, middle + 4.5), &bar.label);
-        let zero = if self.logarithmic {
-            BAR_LEFT
-        } else {
-            scale.px(0.0)
-        };
-        let end = if bar.value.is_finite() {
-            scale.px(bar.value)
-        } else {
-            zero
-        };
+        let zero = if self.logarithmic { BAR_LEFT } else { scale.px(0.0) };
+        let end = if bar.value.is_finite() { scale.px(bar.value) } else { zero };
         h.element(
             "rect",
             &[
@@ -226,13 +201,7 @@ impl BarChart {
                 line(h, "whisker", (x, middle - 4.0), (x, middle + 4.0));
             }
         }
-        label(
-            h,
-            "value",
-            "start",
-            (BAR_RIGHT + 8.0, middle + 4.5),
-            &significant(bar.value, 3),
-        );
+        label(h, "value", "start", (BAR_RIGHT + 8.0, middle + 4.5), &significant(bar.value, 3));
     }
 }
 
@@ -263,10 +232,7 @@ mod tests {
         let text = svg(&chart);
         assert!(text.contains("&lt;none&gt;"));
         assert!(text.contains("1 in 1000"));
-        assert!(
-            text.contains(">1.35·10⁴<") || text.contains(">13456<"),
-            "{text}"
-        );
+        assert!(text.contains(">1.35·10⁴<") || text.contains(">13456<"), "{text}");
         assert!(text.contains("class=\"bar good\""));
     }
 

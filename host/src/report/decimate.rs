@@ -21,15 +21,8 @@ use std::ops::Range;
 /// All series must have the same length.
 pub fn decimate(series: &[&[f64]], budget: usize, full: &[Range<usize>]) -> Vec<usize> {
     let n = series.first().map_or(0, |s| s.len());
-    assert!(
-        series.iter().all(|s| s.len() == n),
-        "overlaid series differ in length"
-    );
-    let mut kept = if n <= budget {
-        (0..n).collect()
-    } else {
-        within_budget(series, n, budget)
-    };
+    assert!(series.iter().all(|s| s.len() == n), "overlaid series differ in length");
+    let mut kept = if n <= budget { (0..n).collect() } else { within_budget(series, n, budget) };
     for range in full {
         kept.extend(range.start.min(n)..range.end.min(n));
     }
@@ -84,9 +77,7 @@ mod tests {
     use proptest::prelude::*;
 
     fn least_and_greatest(values: impl Iterator<Item = f64>) -> (f64, f64) {
-        values.fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), v| {
-            (lo.min(v), hi.max(v))
-        })
+        values.fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), v| (lo.min(v), hi.max(v)))
     }
 
     proptest! {
@@ -114,9 +105,8 @@ mod tests {
     #[test]
     fn a_single_spike_in_one_of_six_long_series_survives() {
         let n = 100_000;
-        let mut series: Vec<Vec<f64>> = (0..6)
-            .map(|s| (0..n).map(|k| (k as f64 * 1e-3 + s as f64).sin()).collect())
-            .collect();
+        let mut series: Vec<Vec<f64>> =
+            (0..6).map(|s| (0..n).map(|k| (k as f64 * 1e-3 + s as f64).sin()).collect()).collect();
         series[4][71_234] = 9.0;
         series[2][3] = -7.0;
         let borrowed: Vec<&[f64]> = series.iter().map(Vec::as_slice).collect();

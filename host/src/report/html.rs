@@ -23,12 +23,7 @@ impl Html {
     }
 
     /// `<name attributes…>` + what `inside` writes + `</name>`.
-    pub fn element(
-        &mut self,
-        name: &'static str,
-        attributes: &[(&'static str, &str)],
-        inside: impl FnOnce(&mut Self),
-    ) {
+    pub fn element(&mut self, name: &'static str, attributes: &[(&'static str, &str)], inside: impl FnOnce(&mut Self)) {
         self.void(name, attributes);
         inside(self);
         self.out.push_str("</");
@@ -37,12 +32,7 @@ impl Html {
     }
 
     /// An element that holds only text.
-    pub fn text_element(
-        &mut self,
-        name: &'static str,
-        attributes: &[(&'static str, &str)],
-        text: &str,
-    ) {
+    pub fn text_element(&mut self, name: &'static str, attributes: &[(&'static str, &str)], text: &str) {
         self.element(name, attributes, |h| h.text(text));
     }
 
@@ -115,10 +105,7 @@ mod tests {
     fn text_and_attributes_are_escaped() {
         let mut h = Html::new();
         h.text_element("p", &[("title", "a\"b<c")], "<script>alert('x')&\0");
-        assert_eq!(
-            h.into_string(),
-            "<p title=\"a&quot;b&lt;c\">&lt;script&gt;alert(&#39;x&#39;)&amp;\u{fffd}</p>"
-        );
+        assert_eq!(h.into_string(), "<p title=\"a&quot;b&lt;c\">&lt;script&gt;alert(&#39;x&#39;)&amp;\u{fffd}</p>");
     }
 
     #[test]
@@ -129,9 +116,6 @@ mod tests {
         assert_eq!(text.matches("</script>").count(), 1);
         assert!(!text.contains("<!--"));
         let inner = &text["<script type=\"application/json\">".len()..text.len() - 9];
-        assert_eq!(
-            serde_json::from_str::<String>(inner).unwrap(),
-            "</script><!-- & -->"
-        );
+        assert_eq!(serde_json::from_str::<String>(inner).unwrap(), "</script><!-- & -->");
     }
 }

@@ -6,11 +6,7 @@ pub fn significant(value: f64, digits: usize) -> String {
         return "0".into();
     }
     if !value.is_finite() {
-        return if value.is_nan() {
-            "–".into()
-        } else {
-            format!("{value}")
-        };
+        return if value.is_nan() { "–".into() } else { format!("{value}") };
     }
     let digits = digits.max(1);
     // The exponent after rounding to the digits wanted: 9.996 to three digits is 10.0.
@@ -58,11 +54,7 @@ pub fn percent(share: f64) -> String {
 
 /// A span of time in the unit one would say it in.
 pub fn seconds(seconds: f64) -> String {
-    if seconds.abs() < 1.0 {
-        format!("{} ms", (1e6 * seconds).round() / 1e3)
-    } else {
-        format!("{seconds:.1} s")
-    }
+    if seconds.abs() < 1.0 { format!("{} ms", (1e6 * seconds).round() / 1e3) } else { format!("{seconds:.1} s") }
 }
 
 fn superscript(exponent: i32) -> String {

@@ -18,10 +18,7 @@ pub struct Page {
 impl Page {
     /// A page of that title.
     pub fn new(title: impl Into<String>) -> Self {
-        Self {
-            title: title.into(),
-            ..Self::default()
-        }
+        Self { title: title.into(), ..Self::default() }
     }
 
     /// The outcome in a sentence, below the title.
@@ -70,19 +67,10 @@ impl Page {
             "meta",
             &[
                 ("http-equiv", "Content-Security-Policy"),
-                (
-                    "content",
-                    "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'",
-                ),
+                ("content", "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'"),
             ],
         );
-        h.void(
-            "meta",
-            &[
-                ("name", "viewport"),
-                ("content", "width=device-width, initial-scale=1"),
-            ],
-        );
+        h.void("meta", &[("name", "viewport"), ("content", "width=device-width, initial-scale=1")]);
         h.text_element("title", &[], &self.title);
         h.element("style", &[], |h| {
             h.asset(UPLOT_CSS);
@@ -130,10 +118,7 @@ pub struct Section {
 impl Section {
     /// An empty section.
     pub fn new(title: impl Into<String>) -> Self {
-        Self {
-            title: title.into(),
-            body: Html::new(),
-        }
+        Self { title: title.into(), body: Html::new() }
     }
 
     /// A paragraph.
@@ -149,8 +134,7 @@ impl Section {
     /// A paragraph set apart, coloured by what it means.
     pub fn note(&mut self, tone: Tone, text: impl AsRef<str>) {
         let class = format!("note {}", tone.class());
-        self.body
-            .text_element("p", &[("class", &class)], text.as_ref());
+        self.body.text_element("p", &[("class", &class)], text.as_ref());
     }
 
     /// A list of sentences.
@@ -163,10 +147,7 @@ impl Section {
     }
 
     /// The few numbers that a reader should take home: name, value with its unit, meaning.
-    pub fn figures<N: AsRef<str>, V: AsRef<str>>(
-        &mut self,
-        figures: impl IntoIterator<Item = (N, V, Tone)>,
-    ) {
+    pub fn figures<N: AsRef<str>, V: AsRef<str>>(&mut self, figures: impl IntoIterator<Item = (N, V, Tone)>) {
         self.body.element("div", &[("class", "figures")], |h| {
             for (name, value, tone) in figures {
                 h.element("div", &[("class", tone.class())], |h| {
@@ -189,42 +170,25 @@ impl Section {
     pub fn plot(&mut self, title: impl AsRef<str>, plot: LinePlot<'_>) {
         let data = plot.reduce();
         figure(&mut self.body, "plot", title.as_ref(), &data.caption, |h| {
-            let class = if data.zoom.is_some() {
-                "pair"
-            } else {
-                "pair single"
-            };
+            let class = if data.zoom.is_some() { "pair" } else { "pair single" };
             h.element("div", &[("class", class)], |h| {
                 h.element("div", &[("class", "overview")], |_| {});
                 if data.zoom.is_some() {
                     h.element("div", &[("class", "zoom")], |_| {});
                 }
             });
-            h.json(&data)
-                .expect("strings and numbers in a struct can always be written as JSON");
+            h.json(&data).expect("strings and numbers in a struct can always be written as JSON");
         });
     }
 
     /// A bar chart under its title.
     pub fn bars(&mut self, title: impl AsRef<str>, chart: &BarChart) {
-        figure(
-            &mut self.body,
-            "bars",
-            title.as_ref(),
-            chart.caption_text(),
-            |h| chart.write(h),
-        );
+        figure(&mut self.body, "bars", title.as_ref(), chart.caption_text(), |h| chart.write(h));
     }
 
     /// A scatter drawing under its title.
     pub fn scatter(&mut self, title: impl AsRef<str>, scatter: &Scatter) {
-        figure(
-            &mut self.body,
-            "scatter",
-            title.as_ref(),
-            scatter.caption_text(),
-            |h| scatter.write(h),
-        );
+        figure(&mut self.body, "scatter", title.as_ref(), scatter.caption_text(), |h| scatter.write(h));
     }
 }
 

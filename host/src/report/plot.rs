@@ -82,12 +82,7 @@ impl<'a> Series<'a> {
     }
 
     fn new(label: impl Into<String>, colour: Colour, stroke: Stroke, values: &'a [f64]) -> Self {
-        Self {
-            label: label.into(),
-            colour,
-            stroke,
-            values,
-        }
+        Self { label: label.into(), colour, stroke, values }
     }
 }
 
@@ -140,11 +135,7 @@ impl<'a> LinePlot<'a> {
     /// Names a range of `x` by a band behind the curves.
     #[must_use]
     pub fn band(mut self, range: Range<f64>, label: impl Into<String>) -> Self {
-        self.bands.push(Band {
-            from: range.start,
-            to: range.end,
-            label: label.into(),
-        });
+        self.bands.push(Band { from: range.start, to: range.end, label: label.into() });
         self
     }
 
@@ -179,27 +170,21 @@ impl<'a> LinePlot<'a> {
     /// Chooses the samples and encodes them.
     pub(super) fn reduce(mut self) -> PlotData {
         // What was measured lies below what is compared with it.
-        self.series
-            .sort_by_key(|s| u8::from(s.stroke != Stroke::Measured));
-        let window = self.zoom.as_ref().map(|zoom| {
-            self.x.partition_point(|&x| x < zoom.start)..self.x.partition_point(|&x| x <= zoom.end)
-        });
+        self.series.sort_by_key(|s| u8::from(s.stroke != Stroke::Measured));
+        let window = self
+            .zoom
+            .as_ref()
+            .map(|zoom| self.x.partition_point(|&x| x < zoom.start)..self.x.partition_point(|&x| x <= zoom.end));
         let values: Vec<&[f64]> = self.series.iter().map(|s| s.values).collect();
         let kept = decimate(&values, self.budget, window.as_slice());
         let x0 = self.x.first().copied().unwrap_or(0.0);
         PlotData {
             x0,
-            x: encode(
-                kept.iter().map(|&k| (self.x[k] - x0) as f32),
-                f32::to_le_bytes,
-            ),
+            x: encode(kept.iter().map(|&k| (self.x[k] - x0) as f32), f32::to_le_bytes),
             series: self.series.iter().map(|s| quantise(s, &kept)).collect(),
             x_label: self.x_label,
             y_label: self.y_label,
-            zoom: self
-                .zoom
-                .filter(|_| window.is_some_and(|w| w.len() > 1))
-                .map(|z| [z.start, z.end]),
+            zoom: self.zoom.filter(|_| window.is_some_and(|w| w.len() > 1)).map(|z| [z.start, z.end]),
             bands: self.bands,
             group: self.group,
             height: self.height_px,
@@ -247,11 +232,7 @@ const MISSING: i16 = i16::MIN;
 const STEPS: f64 = 65_534.0;
 
 fn quantise(series: &Series<'_>, kept: &[usize]) -> SeriesData {
-    let finite = || {
-        kept.iter()
-            .map(|&k| series.values[k])
-            .filter(|v| v.is_finite())
-    };
+    let finite = || kept.iter().map(|&k| series.values[k]).filter(|v| v.is_finite());
     let low = finite().fold(f64::INFINITY, f64::min);
     let high = finite().fold(f64::NEG_INFINITY, f64::max);
     let (low, high) = if low <= high { (low, high) } else { (0.0, 0.0) };
@@ -271,10 +252,7 @@ fn quantise(series: &Series<'_>, kept: &[usize]) -> SeriesData {
         stroke: series.stroke,
         low,
         step,
-        data: encode(
-            kept.iter().map(|&k| code(series.values[k])),
-            i16::to_le_bytes,
-        ),
+        data: encode(kept.iter().map(|&k| code(series.values[k])), i16::to_le_bytes),
     }
 }
 
@@ -314,10 +292,7 @@ mod tests {
         assert_eq!(back.len(), 2000);
         for (k, (a, b)) in y.iter().zip(&back).enumerate() {
             // atol: half a step of the range 6/65534.
-            assert!(
-                (a - b).abs() <= 4.6e-5 || (k == 700 && b.is_nan()),
-                "{k}: {a} {b}"
-            );
+            assert!((a - b).abs() <= 4.6e-5 || (k == 700 && b.is_nan()), "{k}: {a} {b}");
         }
         let xs = STANDARD.decode(&plot.x).unwrap();
         let last = f32::from_le_bytes(xs[xs.len() - 4..].try_into().unwrap());

@@ -83,30 +83,17 @@ impl Scatter {
                 ("class", "chart"),
                 ("viewBox", &format!("0 0 {WIDTH} {HEIGHT}")),
                 ("role", "img"),
-                (
-                    "aria-label",
-                    &format!("{} over {}", self.y_label, self.x_label),
-                ),
+                ("aria-label", &format!("{} over {}", self.y_label, self.x_label)),
             ],
             |h| {
                 for tick in x.ticks(8) {
                     let px = x.px(tick);
-                    line(
-                        h,
-                        if tick == 0.0 { "zero" } else { "grid" },
-                        (px, TOP),
-                        (px, BOTTOM),
-                    );
+                    line(h, if tick == 0.0 { "zero" } else { "grid" }, (px, TOP), (px, BOTTOM));
                     label(h, "tick", "middle", (px, BOTTOM + 18.0), &tick_label(tick));
                 }
                 for tick in y.ticks(6) {
                     let px = y.px(tick);
-                    line(
-                        h,
-                        if tick == 0.0 { "zero" } else { "grid" },
-                        (LEFT, px),
-                        (RIGHT, px),
-                    );
+                    line(h, if tick == 0.0 { "zero" } else { "grid" }, (LEFT, px), (RIGHT, px));
                     label(h, "tick", "end", (LEFT - 8.0, px + 4.0), &tick_label(tick));
                 }
                 for cloud in &self.clouds {
@@ -121,21 +108,10 @@ impl Scatter {
     }
 
     fn write_labels(&self, h: &mut Html) {
-        label(
-            h,
-            "axis",
-            "middle",
-            ((LEFT + RIGHT) / 2.0, HEIGHT - 8.0),
-            &self.x_label,
-        );
+        label(h, "axis", "middle", ((LEFT + RIGHT) / 2.0, HEIGHT - 8.0), &self.x_label);
         label(h, "axis", "start", (8.0, TOP - 14.0), &self.y_label);
         let mut right = RIGHT;
-        for (layer, class) in self
-            .curves
-            .iter()
-            .map(|l| (l, "curve"))
-            .chain(self.clouds.iter().map(|l| (l, "cloud")))
-        {
+        for (layer, class) in self.curves.iter().map(|l| (l, "curve")).chain(self.clouds.iter().map(|l| (l, "cloud"))) {
             // The width of a glyph is about 7 px at this size; exactness does not matter in a legend.
             let width = 7.0 * layer.name.chars().count() as f64;
             label(h, "legend", "end", (right, TOP - 14.0), &layer.name);
@@ -152,20 +128,9 @@ impl Scatter {
 }
 
 impl Layer {
-    fn new(
-        name: impl Into<String>,
-        colour: Colour,
-        points: impl IntoIterator<Item = (f64, f64)>,
-    ) -> Self {
-        let points = points
-            .into_iter()
-            .filter(|(x, y)| x.is_finite() && y.is_finite())
-            .collect();
-        Self {
-            name: name.into(),
-            colour,
-            points,
-        }
+    fn new(name: impl Into<String>, colour: Colour, points: impl IntoIterator<Item = (f64, f64)>) -> Self {
+        let points = points.into_iter().filter(|(x, y)| x.is_finite() && y.is_finite()).collect();
+        Self { name: name.into(), colour, points }
     }
 
     /// One dot (a line of no length with round ends) for each 1.5 px cell that holds a point.
@@ -193,18 +158,12 @@ impl Layer {
 
 fn path(h: &mut Html, class: &str, colour: Colour, d: &str) {
     let style = format!("stroke:var({})", colour.variable());
-    h.element(
-        "path",
-        &[("class", class), ("style", &style), ("d", d)],
-        |_| {},
-    );
+    h.element("path", &[("class", class), ("style", &style), ("d", d)], |_| {});
 }
 
 /// A scale over the values with a little room at both ends.
 fn spread(values: impl Iterator<Item = f64>, from_px: f64, to_px: f64) -> Scale {
-    let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| {
-        (l.min(v), h.max(v))
-    });
+    let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
     if low > high {
         return Scale::linear(0.0, 1.0, from_px, to_px);
     }
@@ -232,11 +191,7 @@ mod tests {
         let mut h = Html::new();
         scatter.write(&mut h);
         let text = h.into_string();
-        assert_eq!(
-            text.matches("h0").count(),
-            100 + 3,
-            "a hundred dots, three in the legend"
-        );
+        assert_eq!(text.matches("h0").count(), 100 + 3, "a hundred dots, three in the legend");
         assert!(text.contains("&lt;law&gt;"));
         assert!(!text.contains("NaN"));
     }

@@ -16,29 +16,13 @@ pub(super) struct Scale {
 impl Scale {
     /// `low` becomes `from_px`, `high` becomes `to_px`. An empty range is opened by one unit around its value.
     pub(super) fn linear(low: f64, high: f64, from_px: f64, to_px: f64) -> Self {
-        let (low, high) = if low < high {
-            (low, high)
-        } else {
-            (low - 0.5, low + 0.5)
-        };
-        Self {
-            low,
-            high,
-            from_px,
-            to_px,
-            logarithmic: false,
-        }
+        let (low, high) = if low < high { (low, high) } else { (low - 0.5, low + 0.5) };
+        Self { low, high, from_px, to_px, logarithmic: false }
     }
 
     /// By decades; both ends must be positive, `low` less than `high`.
     pub(super) fn logarithmic(low: f64, high: f64, from_px: f64, to_px: f64) -> Self {
-        Self {
-            low,
-            high,
-            from_px,
-            to_px,
-            logarithmic: true,
-        }
+        Self { low, high, from_px, to_px, logarithmic: true }
     }
 
     /// Pixel of a value; what lies outside is drawn at the edge.
@@ -60,11 +44,8 @@ impl Scale {
         }
         let raw = (self.high - self.low) / count.max(1) as f64;
         let decade = 10f64.powf(raw.log10().floor());
-        let step = [1.0, 2.0, 5.0, 10.0]
-            .into_iter()
-            .map(|m| m * decade)
-            .find(|step| *step >= raw * 0.999)
-            .unwrap_or(raw);
+        let step =
+            [1.0, 2.0, 5.0, 10.0].into_iter().map(|m| m * decade).find(|step| *step >= raw * 0.999).unwrap_or(raw);
         let first = (self.low / step).ceil() as i64;
         let last = (self.high / step).floor() as i64;
         (first..=last).map(|i| i as f64 * step).collect()
@@ -81,11 +62,7 @@ pub(super) fn tick_label(value: f64) -> String {
 }
 
 fn trimmed(number: &str) -> &str {
-    if number.contains('.') {
-        number.trim_end_matches('0').trim_end_matches('.')
-    } else {
-        number
-    }
+    if number.contains('.') { number.trim_end_matches('0').trim_end_matches('.') } else { number }
 }
 
 /// A pixel coordinate, to a tenth.
@@ -112,12 +89,7 @@ pub(super) fn line(h: &mut Html, class: &str, from: (f64, f64), to: (f64, f64)) 
 pub(super) fn label(h: &mut Html, class: &str, anchor: &str, at: (f64, f64), text: &str) {
     h.text_element(
         "text",
-        &[
-            ("class", class),
-            ("text-anchor", anchor),
-            ("x", &coordinate(at.0)),
-            ("y", &coordinate(at.1)),
-        ],
+        &[("class", class), ("text-anchor", anchor), ("x", &coordinate(at.0)), ("y", &coordinate(at.1))],
         text,
     );
 }

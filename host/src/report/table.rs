@@ -21,10 +21,7 @@ pub struct Cell {
 impl Cell {
     /// A cell with a meaning beyond its text.
     pub fn toned(text: impl Into<String>, tone: Tone) -> Self {
-        Self {
-            text: text.into(),
-            tone,
-        }
+        Self { text: text.into(), tone }
     }
 }
 
@@ -51,22 +48,14 @@ impl Table {
     /// Adds a column of words.
     #[must_use]
     pub fn words(mut self, name: impl Into<String>) -> Self {
-        self.columns.push(Column {
-            name: name.into(),
-            unit: String::new(),
-            number: false,
-        });
+        self.columns.push(Column { name: name.into(), unit: String::new(), number: false });
         self
     }
 
     /// Adds a column of numbers in that unit.
     #[must_use]
     pub fn numbers(mut self, name: impl Into<String>, unit: impl Into<String>) -> Self {
-        self.columns.push(Column {
-            name: name.into(),
-            unit: unit.into(),
-            number: true,
-        });
+        self.columns.push(Column { name: name.into(), unit: unit.into(), number: true });
         self
     }
 
@@ -91,9 +80,7 @@ impl Table {
                 h.element("thead", &[], |h| {
                     h.element("tr", &[], |h| self.columns.iter().for_each(|c| c.write(h)));
                 });
-                h.element("tbody", &[], |h| {
-                    self.rows.iter().for_each(|r| self.write_row(h, r))
-                });
+                h.element("tbody", &[], |h| self.rows.iter().for_each(|r| self.write_row(h, r)));
             });
         });
     }
@@ -101,9 +88,7 @@ impl Table {
     fn write_row(&self, h: &mut Html, row: &[Cell]) {
         h.element("tr", &[], |h| {
             for (i, column) in self.columns.iter().enumerate() {
-                let (text, tone) = row
-                    .get(i)
-                    .map_or(("", Tone::Plain), |c| (c.text.as_str(), c.tone));
+                let (text, tone) = row.get(i).map_or(("", Tone::Plain), |c| (c.text.as_str(), c.tone));
                 let class = format!("{} {}", column.class(), tone.class());
                 h.text_element("td", &[("class", &class)], text);
             }

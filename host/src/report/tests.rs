@@ -31,9 +31,11 @@ fn full_page(n: usize) -> Page {
             .group("all")
             .caption(NASTY);
         for axis in 0..3 {
-            plot = plot
-                .series(Series::measured(NASTY, Colour::Axis(axis), &waves[axis]))
-                .series(Series::line(NASTY, Colour::Axis(axis), &waves[axis + 3]));
+            plot = plot.series(Series::measured(NASTY, Colour::Axis(axis), &waves[axis])).series(Series::line(
+                NASTY,
+                Colour::Axis(axis),
+                &waves[axis + 3],
+            ));
         }
         section.plot(NASTY, plot);
         page.push(section);
@@ -44,25 +46,11 @@ fn full_page(n: usize) -> Page {
     rest.note(Tone::Warning, NASTY);
     rest.list([NASTY]);
     rest.figures([(NASTY, NASTY, Tone::Good)]);
-    let mut table = Table::new()
-        .words(NASTY)
-        .numbers(NASTY, NASTY)
-        .caption(NASTY);
+    let mut table = Table::new().words(NASTY).numbers(NASTY, NASTY).caption(NASTY);
     table.row([NASTY.into(), Cell::toned(NASTY, Tone::Bad)]);
     rest.table(&table);
-    rest.bars(
-        NASTY,
-        &BarChart::new(NASTY)
-            .bar(Bar::new(NASTY, 3.0))
-            .threshold(1.0, NASTY)
-            .caption(NASTY),
-    );
-    rest.scatter(
-        NASTY,
-        &Scatter::new(NASTY, NASTY)
-            .cloud(NASTY, Colour::Neutral, [(1.0, 2.0)])
-            .caption(NASTY),
-    );
+    rest.bars(NASTY, &BarChart::new(NASTY).bar(Bar::new(NASTY, 3.0)).threshold(1.0, NASTY).caption(NASTY));
+    rest.scatter(NASTY, &Scatter::new(NASTY, NASTY).cloud(NASTY, Colour::Neutral, [(1.0, 2.0)]).caption(NASTY));
     page.push(rest);
     page
 }
@@ -117,11 +105,7 @@ fn a_page_is_html_whatever_the_text_says() {
     assert!(open.is_empty(), "left open: {open:?}");
     assert_eq!(images, 0);
     let shown = NASTY.replace('\0', "\u{fffd}");
-    assert!(
-        texts.matches(&shown).count() > 30,
-        "{}",
-        texts.matches(&shown).count()
-    );
+    assert!(texts.matches(&shown).count() > 30, "{}", texts.matches(&shown).count());
     assert_eq!(json.len(), 6);
     for plot in json {
         let plot: serde_json::Value = serde_json::from_str(&plot).unwrap();
@@ -135,26 +119,11 @@ fn a_page_loads_nothing() {
     // Addresses that stay: the policy's `http-equiv`, uPlot's own first line.
     let addresses = html.matches("http").count();
     assert_eq!(addresses, 2, "an address crept in");
-    assert!(
-        html.contains(
-            "http-equiv=\"Content-Security-Policy\" content=\"default-src &#39;none&#39;"
-        )
-    );
-    for way in [
-        "url(",
-        "@import",
-        "fetch(",
-        "XMLHttpRequest",
-        "WebSocket",
-        "import(",
-        "<link",
-    ] {
+    assert!(html.contains("http-equiv=\"Content-Security-Policy\" content=\"default-src &#39;none&#39;"));
+    for way in ["url(", "@import", "fetch(", "XMLHttpRequest", "WebSocket", "import(", "<link"] {
         assert!(!html.contains(way), "the page uses {way}");
     }
-    assert!(
-        html.contains("Copyright (c) 2022 Leon Sorokin"),
-        "uPlot's licence is missing"
-    );
+    assert!(html.contains("Copyright (c) 2022 Leon Sorokin"), "uPlot's licence is missing");
 }
 
 #[test]

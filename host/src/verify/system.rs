@@ -1,0 +1,85 @@
+//! What the filter and the runs need to know of a model, and of a recording: numbers only.
+
+use std::ops::Range;
+
+/// A system x_{k+1} = f(x_k, u_k, Δt), z_k = h(x_k) with Jacobians.
+///
+/// All slices have the lengths that [`states`](Self::states) and [`outputs`](Self::outputs) say; matrices are row-major.
+pub trait System {
+    /// Number of states.
+    fn states(&self) -> usize;
+
+    /// Number of outputs, in the order of the recording's channels.
+    fn outputs(&self) -> usize;
+
+    /// The state after `dt_s` seconds under the constant input `u`.
+    fn step(&self, x: &[f64], u: &[f64], dt_s: f64, next: &mut [f64]);
+
+    /// [`Self::step`] with ∂next/∂x (states × states).
+    fn step_jacobian(&self, x: &[f64], u: &[f64], dt_s: f64, next: &mut [f64], jacobian: &mut [f64]);
+
+    /// The outputs without noise.
+    fn outputs_of(&self, x: &[f64], outputs: &mut [f64]);
+
+    /// [`Self::outputs_of`] with ∂outputs/∂x (outputs × states).
+    fn outputs_jacobian(&self, x: &[f64], outputs: &mut [f64], jacobian: &mut [f64]);
+
+    /// Whether state i is a velocity: where the world pushes, and where process noise therefore enters.
+    fn is_velocity(&self, state: usize) -> bool;
+
+    /// What is known of the state from the readings of one tick alone (NaN: no reading): mean, and standard deviation
+    /// of each state.
+    fn first_guess(&self, readings: &[f64]) -> (Vec<f64>, Vec<f64>);
+}
+
+/// A recording as columns of numbers.
+#[derive(Debug, Clone)]
+pub struct Columns<'a> {
+    /// Time of each sample, s, ascending.
+    pub t_s: &'a [f64],
+    /// `[joint][k]`, in force from t_k to t_{k+1}.
+    pub duty: Vec<&'a [f64]>,
+    /// `[channel][k]`, NaN = no valid reading.
+    pub measured: Vec<&'a [f64]>,
+    /// Standard deviation of each channel's noise.
+    pub sigma: Vec<f64>,
+    /// Runs without a gap, in order.
+    pub segments: Vec<Range<usize>>,
+    /// Nominal time between samples, s.
+    pub period_s: f64,
+}
+
+impl Columns<'_> {
+    /// Number of samples.
+    pub fn len(&self) -> usize {
+        self.t_s.len()
+    }
+
+    /// Whether there is no sample.
+    pub fn is_empty(&self) -> bool {
+        self.t_s.is_empty()
+    }
+
+    /// The input in force after sample k.
+    pub fn input(&self, k: usize, u: &mut [f64]) {
+        for (u, duty) in u.iter_mut().zip(&self.duty) {
+            *u = duty[k];
+        }
+    }
+
+    /// The readings of sample k.
+    pub fn readings(&self, k: usize, z: &mut [f64]) {
+        for (z, channel) in z.iter_mut().zip(&self.measured) {
+            *z = channel[k];
+        }
+    }
+
+    /// The segment that each sample belongs to ends here (exclusive), `[k]`.
+    pub fn segment_ends(&self) -> Vec<usize> {
+        let mut ends = vec![0; self.len()];
+        for segment in &self.segments {
+            ends[segment.clone()].fill(segment.end);
+        }
+        ends
+    }
+}
