@@ -135,4 +135,10 @@ pub enum Fault {
     /// The supply is too low.
     #[error("the supply is too low")]
     BrownOut,
+    /// An encoder's count stands still while its motor is driven.
+    #[error("encoder {} is stuck while its motor is driven", encoder + 1)]
+    EncoderStuck {
+        /// Which encoder.
+        encoder: u8,
+    },
 }

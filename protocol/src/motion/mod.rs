@@ -109,7 +109,8 @@ pub enum Action {
         /// How long, ms.
         duration_ms: u32,
     },
-    /// The named joints get new targets. Done when they are all within the tolerance, or when the time is over.
+    /// The named joints get new targets. Done when they have all stayed within the tolerance for 20 ms, or when the
+    /// time is over.
     MoveTo {
         /// Which joints.
         joints: JointSet,
@@ -197,9 +198,16 @@ impl Motion {
     pub fn checksum(&self) -> u32 {
         let mut sum = checksum_of(&self.header(), 0);
         for segment in &self.segments {
-            sum = checksum_of(segment, sum);
+            sum = segment.checksum(sum);
         }
         sum
+    }
+}
+
+impl Segment {
+    /// The checksum of a motion that had `so_far` before this segment.
+    pub fn checksum(&self, so_far: u32) -> u32 {
+        checksum_of(self, so_far)
     }
 }
 

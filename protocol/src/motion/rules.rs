@@ -3,7 +3,7 @@
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
-use super::{Action, MAX_FREQUENCY_HZ, MAX_MOTION_MS, MAX_SEGMENT_MS, Motion};
+use super::{Action, MAX_FREQUENCY_HZ, MAX_MOTION_MS, MAX_SEGMENT_MS, Motion, Segment};
 use crate::{
     MAX_JOINTS,
     units::{Duty, JointSet},
@@ -138,19 +138,33 @@ impl Motion {
             return Err(MotionError::Empty);
         }
         for (index, segment) in (0u8..).zip(&self.segments) {
-            if usize::from(segment.stage) >= self.stages.len() {
-                return Err(MotionError::Stage {
-                    segment: index,
-                    stage: segment.stage,
-                    stages: self.stages.len() as u8,
-                });
-            }
-            segment.action.validate(index, joints)?;
+            segment.validate(index, self.stages.len(), joints)?;
         }
+        self.validate_length()
+    }
+
+    /// Checks that it does not last too long.
+    ///
+    /// # Errors
+    /// [`MotionError::TooLong`].
+    pub fn validate_length(&self) -> Result<(), MotionError> {
         match self.longest_ms() {
             ms if ms > MAX_MOTION_MS => Err(MotionError::TooLong { ms }),
             _ => Ok(()),
         }
+    }
+}
+
+impl Segment {
+    /// Checks the rules of one segment, with its index, in a motion of so many stages.
+    ///
+    /// # Errors
+    /// [`MotionError`] with what is wrong.
+    pub fn validate(&self, index: u8, stages: usize, joints: &[Limits]) -> Result<(), MotionError> {
+        if usize::from(self.stage) >= stages {
+            return Err(MotionError::Stage { segment: index, stage: self.stage, stages: stages as u8 });
+        }
+        self.action.validate(index, joints)
     }
 }
 
