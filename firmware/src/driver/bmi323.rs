@@ -85,11 +85,7 @@ impl<I2C: I2c> Bmi323<I2C> {
         let mut part = Bmi323 { bus, address };
         let got = part.read_register(Register::ChipId)? & 0x00FF;
         if got != CHIP_ID {
-            return Err(GyroError::WrongId {
-                register: Register::ChipId,
-                expected: CHIP_ID,
-                got,
-            });
+            return Err(GyroError::WrongId { register: Register::ChipId, expected: CHIP_ID, got });
         }
         part.write(Register::Cmd, SOFT_RESET)?;
         delay.delay_ms(RESET_MS);
@@ -106,34 +102,10 @@ impl<I2C: I2c> Bmi323<I2C> {
 
     /// Decodes the answer to [`Self::READ_REQUEST`]. Pure.
     pub fn decode(answer: &[u8; 16]) -> GyroReading {
-        let [
-            _,
-            _,
-            status0,
-            status1,
-            _,
-            _,
-            _,
-            _,
-            _,
-            _,
-            x0,
-            x1,
-            y0,
-            y1,
-            z0,
-            z1,
-        ] = *answer;
-        let raw = [
-            i16::from_le_bytes([x0, x1]),
-            i16::from_le_bytes([y0, y1]),
-            i16::from_le_bytes([z0, z1]),
-        ];
+        let [_, _, status0, status1, _, _, _, _, _, _, x0, x1, y0, y1, z0, z1] = *answer;
+        let raw = [i16::from_le_bytes([x0, x1]), i16::from_le_bytes([y0, y1]), i16::from_le_bytes([z0, z1])];
         let ready = u16::from_le_bytes([status0, status1]) & GYRO_READY != 0;
-        GyroReading {
-            raw,
-            fresh: ready && !raw.contains(&INVALID_WORD),
-        }
+        GyroReading { raw, fresh: ready && !raw.contains(&INVALID_WORD) }
     }
 
     /// Gives the bus back.
@@ -141,21 +113,12 @@ impl<I2C: I2c> Bmi323<I2C> {
         self.bus
     }
 
-    fn write(
-        &mut self,
-        register: Register,
-        value: u16,
-    ) -> Result<(), GyroError<Register, I2C::Error>> {
+    fn write(&mut self, register: Register, value: u16) -> Result<(), GyroError<Register, I2C::Error>> {
         let [low, high] = value.to_le_bytes();
-        self.bus
-            .write(self.address, &[register as u8, low, high])
-            .map_err(|error| GyroError::Bus { register, error })
+        self.bus.write(self.address, &[register as u8, low, high]).map_err(|error| GyroError::Bus { register, error })
     }
 
-    fn read_register(
-        &mut self,
-        register: Register,
-    ) -> Result<u16, GyroError<Register, I2C::Error>> {
+    fn read_register(&mut self, register: Register) -> Result<u16, GyroError<Register, I2C::Error>> {
         let mut answer = [0; DUMMY + 2];
         self.bus
             .write_read(self.address, &[register as u8], &mut answer)
@@ -164,22 +127,12 @@ impl<I2C: I2c> Bmi323<I2C> {
         Ok(u16::from_le_bytes([low, high]))
     }
 
-    fn expect(
-        &mut self,
-        register: Register,
-        mask: u16,
-        expected: u16,
-    ) -> Result<(), GyroError<Register, I2C::Error>> {
+    fn expect(&mut self, register: Register, mask: u16, expected: u16) -> Result<(), GyroError<Register, I2C::Error>> {
         let got = self.read_register(register)?;
         if got & mask == expected & mask {
             return Ok(());
         }
-        Err(GyroError::Unexpected {
-            register,
-            mask,
-            expected,
-            got,
-        })
+        Err(GyroError::Unexpected { register, mask, expected, got })
     }
 }
 
@@ -190,10 +143,7 @@ impl<I2C: I2c> Gyro for Bmi323<I2C> {
         let mut answer = [0; 16];
         self.bus
             .write_read(self.address, &Self::READ_REQUEST, &mut answer)
-            .map_err(|error| GyroError::Bus {
-                register: Register::Status,
-                error,
-            })?;
+            .map_err(|error| GyroError::Bus { register: Register::Status, error })?;
         Ok(Self::decode(&answer))
     }
 }

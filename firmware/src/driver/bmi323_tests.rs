@@ -17,12 +17,7 @@ struct Part {
 
 impl Part {
     fn new() -> Self {
-        let mut part = Part {
-            registers: [0; 128],
-            alive: true,
-            reset_works: true,
-            transactions: 0,
-        };
+        let mut part = Part { registers: [0; 128], alive: true, reset_works: true, transactions: 0 };
         part.power_on();
         part
     }
@@ -63,11 +58,7 @@ impl ErrorType for Part {
 }
 
 impl I2c for Part {
-    fn transaction(
-        &mut self,
-        address: u8,
-        operations: &mut [Operation<'_>],
-    ) -> Result<(), BusDown> {
+    fn transaction(&mut self, address: u8, operations: &mut [Operation<'_>]) -> Result<(), BusDown> {
         if !self.alive || address != ADDRESS {
             return Err(BusDown);
         }
@@ -78,10 +69,7 @@ impl I2c for Part {
                 Operation::Write(bytes) => {
                     pointer = bytes[0];
                     for (i, word) in bytes[1..].chunks_exact(2).enumerate() {
-                        self.write_register(
-                            pointer + i as u8,
-                            u16::from_le_bytes([word[0], word[1]]),
-                        );
+                        self.write_register(pointer + i as u8, u16::from_le_bytes([word[0], word[1]]));
                     }
                 }
                 Operation::Read(bytes) => {
@@ -105,32 +93,16 @@ impl I2c for Part {
 }
 
 fn started() -> Bmi323<Part> {
-    Bmi323::new(
-        Part::new(),
-        ADDRESS,
-        GyroRange::Dps1000,
-        &mut Waited::default(),
-    )
-    .unwrap()
+    Bmi323::new(Part::new(), ADDRESS, GyroRange::Dps1000, &mut Waited::default()).unwrap()
 }
 
 #[test]
 fn sets_mode_range_rate_and_bandwidth_and_waits_for_the_gyroscope() {
-    for (range, config) in [
-        (GyroRange::Dps500, 0x70AC),
-        (GyroRange::Dps1000, 0x70BC),
-        (GyroRange::Dps2000, 0x70CC),
-    ] {
+    for (range, config) in [(GyroRange::Dps500, 0x70AC), (GyroRange::Dps1000, 0x70BC), (GyroRange::Dps2000, 0x70CC)] {
         let mut delay = Waited::default();
-        let part = Bmi323::new(Part::new(), ADDRESS, range, &mut delay)
-            .unwrap()
-            .release();
+        let part = Bmi323::new(Part::new(), ADDRESS, range, &mut delay).unwrap().release();
         assert_eq!(part.register(Register::GyrConf), config);
-        assert!(
-            delay.ns >= 60_000_000,
-            "45 ms start-up, with margin; waited {} ns",
-            delay.ns
-        );
+        assert!(delay.ns >= 60_000_000, "45 ms start-up, with margin; waited {} ns", delay.ns);
     }
 }
 
@@ -139,21 +111,8 @@ fn reads_words_and_freshness_in_one_transaction() {
     let mut driver = started();
     driver.bus.convert([-1, 2, -30_000]);
     driver.bus.transactions = 0;
-    assert_eq!(
-        driver.read(),
-        Ok(GyroReading {
-            raw: [-1, 2, -30_000],
-            fresh: true
-        })
-    );
-    assert_eq!(
-        driver.read(),
-        Ok(GyroReading {
-            raw: [-1, 2, -30_000],
-            fresh: false
-        }),
-        "no conversion since"
-    );
+    assert_eq!(driver.read(), Ok(GyroReading { raw: [-1, 2, -30_000], fresh: true }));
+    assert_eq!(driver.read(), Ok(GyroReading { raw: [-1, 2, -30_000], fresh: false }), "no conversion since");
     assert_eq!(driver.release().transactions, 2);
 }
 
@@ -161,13 +120,7 @@ fn reads_words_and_freshness_in_one_transaction() {
 fn words_before_the_first_conversion_are_not_fresh() {
     let mut driver = started();
     driver.bus.registers[Register::Status as usize] |= GYRO_READY;
-    assert_eq!(
-        driver.read(),
-        Ok(GyroReading {
-            raw: [INVALID_WORD; 3],
-            fresh: false
-        })
-    );
+    assert_eq!(driver.read(), Ok(GyroReading { raw: [INVALID_WORD; 3], fresh: false }));
 }
 
 #[test]
@@ -175,49 +128,22 @@ fn another_part_is_refused_by_name_before_anything_is_set() {
     let mut part = Part::new();
     part.registers[Register::ChipId as usize] = 0x0024;
     let refused = Bmi323::new(part, ADDRESS, GyroRange::Dps1000, &mut Waited::default()).err();
-    let expected = GyroError::WrongId {
-        register: Register::ChipId,
-        expected: 0x43,
-        got: 0x24,
-    };
+    let expected = GyroError::WrongId { register: Register::ChipId, expected: 0x43, got: 0x24 };
     assert_eq!(refused, Some(expected));
 }
 
 #[test]
 fn failures_name_the_register() {
-    let wrong_address = Bmi323::new(
-        Part::new(),
-        0x69,
-        GyroRange::Dps1000,
-        &mut Waited::default(),
-    )
-    .err();
-    assert_eq!(
-        wrong_address,
-        Some(GyroError::Bus {
-            register: Register::ChipId,
-            error: BusDown
-        })
-    );
+    let wrong_address = Bmi323::new(Part::new(), 0x69, GyroRange::Dps1000, &mut Waited::default()).err();
+    assert_eq!(wrong_address, Some(GyroError::Bus { register: Register::ChipId, error: BusDown }));
 
     let mut part = Part::new();
     part.reset_works = false;
     let stuck = Bmi323::new(part, ADDRESS, GyroRange::Dps1000, &mut Waited::default()).err();
-    let expected = GyroError::Unexpected {
-        register: Register::Status,
-        mask: 1,
-        expected: 1,
-        got: 0,
-    };
+    let expected = GyroError::Unexpected { register: Register::Status, mask: 1, expected: 1, got: 0 };
     assert_eq!(stuck, Some(expected));
 
     let mut driver = started();
     driver.bus.alive = false;
-    assert_eq!(
-        driver.read(),
-        Err(GyroError::Bus {
-            register: Register::Status,
-            error: BusDown
-        })
-    );
+    assert_eq!(driver.read(), Err(GyroError::Bus { register: Register::Status, error: BusDown }));
 }

@@ -87,28 +87,19 @@ pub struct Icm42688p<SPI> {
 
 impl<SPI: SpiDevice> Icm42688p<SPI> {
     /// Bytes to send for the burst of a tick; the answer has the same length.
-    pub const READ_REQUEST: [u8; 10] =
-        [Register::GyroDataX1 as u8 | READ, 0, 0, 0, 0, 0, 0, 0, 0, 0];
+    pub const READ_REQUEST: [u8; 10] = [Register::GyroDataX1 as u8 | READ, 0, 0, 0, 0, 0, 0, 0, 0, 0];
     /// Output data rate, Hz.
     pub const OUTPUT_RATE_HZ: u32 = 2000;
 
     /// Checks the identification, resets, configures, starts the gyroscope and reads the settings back.
     /// Takes about 65 ms; not for the loop.
-    pub fn new(
-        spi: SPI,
-        range: GyroRange,
-        delay: &mut impl DelayNs,
-    ) -> Result<Self, GyroError<Register, SPI::Error>> {
+    pub fn new(spi: SPI, range: GyroRange, delay: &mut impl DelayNs) -> Result<Self, GyroError<Register, SPI::Error>> {
         let mut part = Icm42688p { spi };
         part.write(Register::BankSel, 0)?;
         let got = part.read_register(Register::WhoAmI)?;
         if got != WHO_AM_I {
             let (expected, got) = (WHO_AM_I.into(), got.into());
-            return Err(GyroError::WrongId {
-                register: Register::WhoAmI,
-                expected,
-                got,
-            });
+            return Err(GyroError::WrongId { register: Register::WhoAmI, expected, got });
         }
         part.write(Register::DeviceConfig, SOFT_RESET)?;
         delay.delay_ms(RESET_MS);
@@ -136,15 +127,8 @@ impl<SPI: SpiDevice> Icm42688p<SPI> {
     /// Decodes the answer to [`Self::READ_REQUEST`]. Pure.
     pub fn decode(answer: &[u8; 10]) -> GyroReading {
         let [_, x1, x0, y1, y0, z1, z0, _, _, status] = *answer;
-        let raw = [
-            i16::from_be_bytes([x1, x0]),
-            i16::from_be_bytes([y1, y0]),
-            i16::from_be_bytes([z1, z0]),
-        ];
-        GyroReading {
-            raw,
-            fresh: status & DATA_READY != 0 && !raw.contains(&INVALID_WORD),
-        }
+        let raw = [i16::from_be_bytes([x1, x0]), i16::from_be_bytes([y1, y0]), i16::from_be_bytes([z1, z0])];
+        GyroReading { raw, fresh: status & DATA_READY != 0 && !raw.contains(&INVALID_WORD) }
     }
 
     /// Gives the bus device back.
@@ -152,42 +136,24 @@ impl<SPI: SpiDevice> Icm42688p<SPI> {
         self.spi
     }
 
-    fn write(
-        &mut self,
-        register: Register,
-        value: u8,
-    ) -> Result<(), GyroError<Register, SPI::Error>> {
-        self.spi
-            .write(&[register as u8, value])
-            .map_err(|error| GyroError::Bus { register, error })
+    fn write(&mut self, register: Register, value: u8) -> Result<(), GyroError<Register, SPI::Error>> {
+        self.spi.write(&[register as u8, value]).map_err(|error| GyroError::Bus { register, error })
     }
 
     fn read_register(&mut self, register: Register) -> Result<u8, GyroError<Register, SPI::Error>> {
         let mut value = [0];
         let request = [register as u8 | READ];
         let mut operations = [Operation::Write(&request), Operation::Read(&mut value)];
-        self.spi
-            .transaction(&mut operations)
-            .map_err(|error| GyroError::Bus { register, error })?;
+        self.spi.transaction(&mut operations).map_err(|error| GyroError::Bus { register, error })?;
         Ok(value[0])
     }
 
-    fn expect(
-        &mut self,
-        register: Register,
-        mask: u8,
-        expected: u8,
-    ) -> Result<(), GyroError<Register, SPI::Error>> {
+    fn expect(&mut self, register: Register, mask: u8, expected: u8) -> Result<(), GyroError<Register, SPI::Error>> {
         let got = self.read_register(register)?;
         if got & mask == expected & mask {
             return Ok(());
         }
-        Err(GyroError::Unexpected {
-            register,
-            mask: mask.into(),
-            expected: expected.into(),
-            got: got.into(),
-        })
+        Err(GyroError::Unexpected { register, mask: mask.into(), expected: expected.into(), got: got.into() })
     }
 }
 
@@ -198,10 +164,7 @@ impl<SPI: SpiDevice> Gyro for Icm42688p<SPI> {
         let mut answer = [0; 10];
         self.spi
             .transfer(&mut answer, &Self::READ_REQUEST)
-            .map_err(|error| GyroError::Bus {
-                register: Register::GyroDataX1,
-                error,
-            })?;
+            .map_err(|error| GyroError::Bus { register: Register::GyroDataX1, error })?;
         Ok(Self::decode(&answer))
     }
 }

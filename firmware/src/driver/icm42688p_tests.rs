@@ -17,14 +17,8 @@ struct Part {
 
 impl Part {
     fn new() -> Self {
-        let mut part = Part {
-            registers: [0; 128],
-            words: [0; 3],
-            alive: true,
-            reset_works: true,
-            frozen: None,
-            transactions: 0,
-        };
+        let mut part =
+            Part { registers: [0; 128], words: [0; 3], alive: true, reset_works: true, frozen: None, transactions: 0 };
         part.power_on();
         part
     }
@@ -63,11 +57,7 @@ impl Part {
         let on = self.register(Register::PwrMgmt0) & 0x0C == 0x0C;
         let value = match address {
             0x25..=0x2A => {
-                let word = if on {
-                    self.words[usize::from(address - 0x25) / 2]
-                } else {
-                    INVALID_WORD
-                };
+                let word = if on { self.words[usize::from(address - 0x25) / 2] } else { INVALID_WORD };
                 word.to_be_bytes()[usize::from(address - 0x25) % 2]
             }
             _ => self.registers[address as usize],
@@ -132,32 +122,16 @@ impl SpiDevice for &mut Part {
 
 #[test]
 fn sets_range_rate_and_filter_and_waits_for_the_gyroscope() {
-    for (range, bits) in [
-        (GyroRange::Dps2000, 0x05),
-        (GyroRange::Dps1000, 0x25),
-        (GyroRange::Dps500, 0x45),
-    ] {
+    for (range, bits) in [(GyroRange::Dps2000, 0x05), (GyroRange::Dps1000, 0x25), (GyroRange::Dps500, 0x45)] {
         let mut part = Part::new();
         let mut delay = Waited::default();
         Icm42688p::new(&mut part, range, &mut delay).unwrap();
         assert_eq!(part.register(Register::GyroConfig0), bits);
-        assert_eq!(
-            part.register(Register::GyroAccelConfig0) & 0x0F,
-            2,
-            "bandwidth 2 kHz / 5"
-        );
-        assert_eq!(
-            part.register(Register::IntfConfig1),
-            0x51,
-            "adaptive range off, the rest as it was"
-        );
+        assert_eq!(part.register(Register::GyroAccelConfig0) & 0x0F, 2, "bandwidth 2 kHz / 5");
+        assert_eq!(part.register(Register::IntfConfig1), 0x51, "adaptive range off, the rest as it was");
         assert_eq!(part.register(Register::IntConfig1), 0x00);
         assert_eq!(part.register(Register::PwrMgmt0), 0x0C);
-        assert!(
-            delay.ns >= 46_000_000,
-            "30 ms start-up, with margin; waited {} ns",
-            delay.ns
-        );
+        assert!(delay.ns >= 46_000_000, "30 ms start-up, with margin; waited {} ns", delay.ns);
     }
 }
 
@@ -168,22 +142,9 @@ fn reads_words_and_freshness_in_one_transaction() {
     part.convert([1, -2, 30_000]);
     part.transactions = 0;
     let mut driver = Icm42688p { spi: &mut part };
-    assert_eq!(
-        driver.read(),
-        Ok(GyroReading {
-            raw: [1, -2, 30_000],
-            fresh: true
-        })
-    );
+    assert_eq!(driver.read(), Ok(GyroReading { raw: [1, -2, 30_000], fresh: true }));
     let again = driver.read().unwrap();
-    assert_eq!(
-        again,
-        GyroReading {
-            raw: [1, -2, 30_000],
-            fresh: false
-        },
-        "no conversion since"
-    );
+    assert_eq!(again, GyroReading { raw: [1, -2, 30_000], fresh: false }, "no conversion since");
     assert_eq!(driver.release().transactions, 2);
 }
 
@@ -201,11 +162,7 @@ fn another_part_is_refused_by_name_before_anything_is_set() {
     let mut part = Part::new();
     part.registers[Register::WhoAmI as usize] = 0x42;
     let refused = Icm42688p::new(&mut part, GyroRange::Dps1000, &mut Waited::default()).err();
-    let expected = GyroError::WrongId {
-        register: Register::WhoAmI,
-        expected: 0x47,
-        got: 0x42,
-    };
+    let expected = GyroError::WrongId { register: Register::WhoAmI, expected: 0x47, got: 0x42 };
     assert_eq!(refused, Some(expected));
     assert_eq!(part.register(Register::PwrMgmt0), 0);
 }
@@ -215,34 +172,18 @@ fn failures_name_the_register() {
     let mut part = Part::new();
     part.alive = false;
     let down = Icm42688p::new(&mut part, GyroRange::Dps1000, &mut Waited::default()).err();
-    assert_eq!(
-        down,
-        Some(GyroError::Bus {
-            register: Register::BankSel,
-            error: BusDown
-        })
-    );
+    assert_eq!(down, Some(GyroError::Bus { register: Register::BankSel, error: BusDown }));
 
     let mut part = Part::new();
     part.reset_works = false;
     let stuck = Icm42688p::new(&mut part, GyroRange::Dps1000, &mut Waited::default()).err();
-    let expected = GyroError::Unexpected {
-        register: Register::IntStatus,
-        mask: 0x10,
-        expected: 0x10,
-        got: 0,
-    };
+    let expected = GyroError::Unexpected { register: Register::IntStatus, mask: 0x10, expected: 0x10, got: 0 };
     assert_eq!(stuck, Some(expected));
 
     let mut part = Part::new();
     part.frozen = Some(Register::GyroConfig0);
     let deaf = Icm42688p::new(&mut part, GyroRange::Dps1000, &mut Waited::default()).err();
-    let expected = GyroError::Unexpected {
-        register: Register::GyroConfig0,
-        mask: 0xEF,
-        expected: 0x25,
-        got: 0x06,
-    };
+    let expected = GyroError::Unexpected { register: Register::GyroConfig0, mask: 0xEF, expected: 0x25, got: 0x06 };
     assert_eq!(deaf, Some(expected));
 }
 
@@ -252,13 +193,7 @@ fn a_bus_that_fails_later_fails_the_read_only() {
     Icm42688p::new(&mut part, GyroRange::Dps1000, &mut Waited::default()).unwrap();
     part.alive = false;
     let mut driver = Icm42688p { spi: &mut part };
-    assert_eq!(
-        driver.read(),
-        Err(GyroError::Bus {
-            register: Register::GyroDataX1,
-            error: BusDown
-        })
-    );
+    assert_eq!(driver.read(), Err(GyroError::Bus { register: Register::GyroDataX1, error: BusDown }));
     driver.spi.alive = true;
     driver.spi.convert([1, 2, 3]);
     assert!(driver.read().unwrap().fresh, "it recovers with the bus");

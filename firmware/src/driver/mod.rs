@@ -124,17 +124,8 @@ mod tests {
     #[test]
     fn a_raw_word_converts_to_the_data_sheets_rate() {
         let dps = GyroRange::Dps1000.convert_rad_s(328).to_degrees();
-        assert!(
-            (dps - 10.0).abs() < 0.011,
-            "{dps} °/s, expected 10 within the data sheet's rounding"
-        );
-        assert_eq!(
-            GyroRange::Dps500
-                .convert_rad_s(i16::MIN)
-                .to_degrees()
-                .round(),
-            -500.0
-        );
+        assert!((dps - 10.0).abs() < 0.011, "{dps} °/s, expected 10 within the data sheet's rounding");
+        assert_eq!(GyroRange::Dps500.convert_rad_s(i16::MIN).to_degrees().round(), -500.0);
         assert_eq!(GyroRange::Dps2000.convert_rad_s(0), 0.0);
     }
 }

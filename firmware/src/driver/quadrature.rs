@@ -15,10 +15,7 @@ pub struct QuadratureCounter {
 impl QuadratureCounter {
     /// Starts at zero counts with the hardware counter at `raw`.
     pub const fn new(raw: u16) -> Self {
-        QuadratureCounter {
-            last: raw,
-            total: 0,
-        }
+        QuadratureCounter { last: raw, total: 0 }
     }
 
     /// Takes the hardware counter's present value; returns counts since [`new`](Self::new), positive and

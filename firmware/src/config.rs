@@ -1,0 +1,226 @@
+//! What the control core must know of the robot it runs: scales, limits, sensors.
+//!
+//! The same facts go into the handshake, so host and device cannot disagree about a scale.
+
+use heapless::Vec;
+use protocol::hello::PanicPlace;
+use protocol::motion::Limits;
+use protocol::sample::{Layout, LayoutError};
+use protocol::{Duty, EncoderInfo, GyroInfo, Hello, Identity, MAX_ENCODERS, MAX_GYROS, MAX_JOINTS, ResetReason, Side};
+
+use crate::constants;
+use crate::safety::{EncoderBounds, GyroBounds, JointLimits};
+
+/// A robot that the core cannot run.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum ConfigError {
+    /// More or fewer joints, encoders or gyros than a sample can carry.
+    Layout(LayoutError),
+    /// A joint has no encoder on its motor: nothing to control it by. Joints count from 0.
+    NoMotorEncoder {
+        /// Which joint.
+        joint: usize,
+    },
+    /// A scale of zero, or not a number.
+    Scale {
+        /// Which encoder, from 0.
+        encoder: usize,
+    },
+    /// A range that is empty or not a number.
+    Limits {
+        /// Which joint, from 0.
+        joint: usize,
+    },
+}
+
+/// What the description file says of a joint.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct JointSetup {
+    /// Range, rad or m from the zero position.
+    pub limits: Limits,
+    /// Largest duty that safety lets pass.
+    pub max_duty: Duty,
+    /// Time constant of the speed at zero duty, s: (motor + link inertia) / back-EMF constant.
+    pub coast_s: f32,
+}
+
+impl JointSetup {
+    /// A joint with this range and Doggy's dynamics.
+    pub const fn new(limits: Limits) -> Self {
+        JointSetup { limits, max_duty: Duty(constants::MAX_DUTY), coast_s: constants::COAST_S }
+    }
+}
+
+/// A joint in the loop's raw codes.
+#[derive(Clone, Copy, Debug)]
+pub struct Joint {
+    /// Range, rad or m.
+    pub limits: Limits,
+    /// Counts per rad or m, positive.
+    pub counts_per_unit: f32,
+    /// Index of its motor encoder.
+    pub encoder: usize,
+    /// The encoder counts down when the joint moves up.
+    pub reversed: bool,
+    /// What safety lets pass.
+    pub envelope: JointLimits,
+    /// Speed below which it is at rest, counts/s.
+    pub quiet_counts_per_s: i32,
+}
+
+/// A robot as the core runs it.
+#[derive(Clone, Debug)]
+pub struct Config {
+    pub(crate) hello: Hello,
+    pub(crate) joints: Vec<Joint, MAX_JOINTS>,
+    pub(crate) encoder_bounds: [EncoderBounds; MAX_ENCODERS],
+    pub(crate) gyro_bounds: GyroBounds,
+}
+
+impl Config {
+    /// A robot of this name with its joints and sensors, encoders and gyros in the sample's order.
+    ///
+    /// # Errors
+    /// [`ConfigError`] if they do not fit together.
+    pub fn new(
+        robot: &str,
+        joints: &[JointSetup],
+        encoders: &[EncoderInfo],
+        gyros: &[GyroInfo],
+    ) -> Result<Self, ConfigError> {
+        let count = |n: usize| u8::try_from(n).unwrap_or(u8::MAX);
+        let layout =
+            Layout::new(count(joints.len()), count(encoders.len()), count(gyros.len())).map_err(ConfigError::Layout)?;
+        let mut bounds =
+            [EncoderBounds { max_step_counts: i32::MAX, moving_duty: 0, stuck_ticks: 0, stale_ticks: 0 }; MAX_ENCODERS];
+        for (index, (encoder, bounds)) in encoders.iter().zip(&mut bounds).enumerate() {
+            let scale = counts_per_unit(encoder);
+            if !(scale.is_normal() && scale > 0.0) {
+                return Err(ConfigError::Scale { encoder: index });
+            }
+            let step = constants::MAX_SPEED_PER_S * scale * constants::TICK_US as f32 * 1e-6;
+            *bounds = EncoderBounds {
+                max_step_counts: (step as i32).max(2),
+                moving_duty: constants::MOVING_DUTY,
+                stuck_ticks: constants::ENCODER_STUCK_TICKS,
+                stale_ticks: constants::ENCODER_STALE_TICKS,
+            };
+        }
+        let mut loop_joints = Vec::new();
+        for (index, setup) in joints.iter().enumerate() {
+            // `Layout::new` has bounded the joints by MAX_JOINTS, so the push fits.
+            let _ = loop_joints.push(joint(index, setup, encoders)?);
+        }
+        let hello = Hello {
+            identity: Identity::ours(env!("CARGO_PKG_VERSION"), robot),
+            layout,
+            tick_us: constants::TICK_US as u16,
+            encoders: encoders.iter().copied().take(MAX_ENCODERS).collect(),
+            gyros: gyros.iter().copied().take(MAX_GYROS).collect(),
+            zero: None,
+            reset: ResetReason::Unknown,
+            panic: None,
+        };
+        Ok(Config { hello, joints: loop_joints, encoder_bounds: bounds, gyro_bounds: constants::GYRO_BOUNDS })
+    }
+
+    /// Why the device started, for the handshake and the first event.
+    pub fn started_by(mut self, reset: ResetReason, panic: Option<PanicPlace>) -> Self {
+        self.hello.reset = reset;
+        self.hello.panic = panic;
+        self
+    }
+
+    /// Other bounds for the gyros, for a sensor without noise or with another range of words.
+    pub fn gyro_bounds(mut self, bounds: GyroBounds) -> Self {
+        self.gyro_bounds = bounds;
+        self
+    }
+
+    /// Numbers of joints, encoders and gyros.
+    pub fn layout(&self) -> Layout {
+        self.hello.layout
+    }
+
+    /// The joints in the loop's raw codes.
+    pub fn joints(&self) -> &[Joint] {
+        &self.joints
+    }
+}
+
+/// Counts per rad or m of the joint, without sign.
+fn counts_per_unit(encoder: &EncoderInfo) -> f32 {
+    (f64::from(encoder.counts_per_turn.unsigned_abs()) * encoder.gear / core::f64::consts::TAU) as f32
+}
+
+fn joint(index: usize, setup: &JointSetup, encoders: &[EncoderInfo]) -> Result<Joint, ConfigError> {
+    let Limits { min, max } = setup.limits;
+    if !(min.is_finite() && max.is_finite() && min < max) {
+        return Err(ConfigError::Limits { joint: index });
+    }
+    let on_motor = |e: &EncoderInfo| usize::from(e.joint) == index && e.side == Side::Motor;
+    let encoder = encoders.iter().position(on_motor).ok_or(ConfigError::NoMotorEncoder { joint: index })?;
+    let scale = counts_per_unit(&encoders[encoder]);
+    let range = (max - min) * scale;
+    Ok(Joint {
+        limits: setup.limits,
+        counts_per_unit: scale,
+        encoder,
+        reversed: encoders[encoder].counts_per_turn < 0,
+        envelope: JointLimits {
+            lower_counts: (min * scale) as i32,
+            upper_counts: (max * scale) as i32,
+            overtravel_counts: (constants::OVERTRAVEL_OF_RANGE * range) as i32,
+            fade_counts: ((constants::FADE_OF_RANGE * range) as i32).max(1),
+            coast_us: (setup.coast_s * 1e6) as u32,
+            max_duty: setup.max_duty,
+            max_rise: Duty(constants::MAX_RISE),
+        },
+        quiet_counts_per_s: (constants::QUIET_SPEED_PER_S * scale) as i32,
+    })
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+
+    /// Doggy: 1024 counts a motor turn, gear 42.092, ranges ±1.0, ±0.6, ±0.6 rad.
+    pub(crate) fn doggy() -> Config {
+        let joints = [1.0, 0.6, 0.6].map(|max| JointSetup::new(Limits { min: -max, max }));
+        let encoders = [0, 1, 2].map(|joint| EncoderInfo {
+            joint,
+            side: Side::Motor,
+            counts_per_turn: 1024,
+            gear: 42.092,
+            offset_us: 0,
+        });
+        let gyros = [0, 2].map(|body| GyroInfo { body, rad_s_per_lsb: 5.33e-4, saturated_at: 32_767, offset_us: 20 });
+        Config::new("doggy", &joints, &encoders, &gyros).unwrap()
+    }
+
+    #[test]
+    fn doggys_ranges_become_counts() {
+        let config = doggy();
+        let yaw = config.joints()[0];
+        assert!((yaw.counts_per_unit - 6859.93).abs() < 0.01, "1024 · 42.092 / 2π, is {}", yaw.counts_per_unit);
+        assert_eq!(yaw.envelope.upper_counts, 6859);
+        assert_eq!(yaw.envelope.overtravel_counts, 685);
+        assert_eq!(config.encoder_bounds[0].max_step_counts, 205);
+        assert!(config.hello.validate().is_ok());
+    }
+
+    #[test]
+    fn robots_that_do_not_fit_are_refused() {
+        let joint = JointSetup::new(Limits { min: -1.0, max: 1.0 });
+        let encoder = EncoderInfo { joint: 0, side: Side::Link, counts_per_turn: 4096, gear: 1.0, offset_us: 0 };
+        let refused = |joints: &[_], encoders: &[_]| Config::new("r", joints, encoders, &[]).err();
+        assert_eq!(refused(&[joint], &[encoder]), Some(ConfigError::NoMotorEncoder { joint: 0 }));
+        assert!(matches!(refused(&[], &[encoder]), Some(ConfigError::Layout(_))));
+        assert!(matches!(refused(&[joint; 300], &[encoder]), Some(ConfigError::Layout(_))));
+        let motor = EncoderInfo { side: Side::Motor, ..encoder };
+        let flat = EncoderInfo { gear: f64::NAN, ..motor };
+        assert_eq!(refused(&[joint], &[flat]), Some(ConfigError::Scale { encoder: 0 }));
+        let empty = JointSetup::new(Limits { min: 1.0, max: 1.0 });
+        assert_eq!(refused(&[empty], &[motor]), Some(ConfigError::Limits { joint: 0 }));
+    }
+}

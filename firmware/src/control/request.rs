@@ -1,0 +1,194 @@
+//! Requests of the host: what is done, what is refused and why.
+//!
+//! ```text
+//!            SetZero        Upload…End       Start           start tick
+//!   Idle ──▶ (zero known) ──▶ (motion there) ──▶ Waiting ──────▶ Running ──▶ Idle     finished or stopped
+//!     ▲                                            ╰──── fault ────┤
+//!     ╰──────────────── ClearFault ─────────────── Fault ◀─────────╯
+//! ```
+
+use protocol::motion::{Limits, Motion, Segment};
+use protocol::request::{Command, Status};
+use protocol::{EventKind, Fault, MAX_JOINTS, MotionEnd, MotionError, MotionId, Refusal};
+
+use super::{Activity, ControlLoop, Inputs, Now, reply};
+use crate::queues::{Reply, TickEnds};
+
+/// A motion on its way here. Every part is checked as it comes, so the end has little to do.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) enum Upload {
+    #[default]
+    None,
+    Under {
+        motion: MotionId,
+        segments: u8,
+        checksum: u32,
+    },
+}
+
+impl ControlLoop {
+    /// Carries a request out, once per id, and answers it.
+    pub(super) fn answer(&mut self, now: Now, id: u8, command: Command, inputs: &Inputs, ends: &mut TickEnds<'_>) {
+        if command == Command::Status {
+            reply(Reply::Status(self.status(now)), ends);
+        }
+        let mut memory = self.memory;
+        let answer = memory.answer(id, || self.act(now, command, inputs, ends));
+        self.memory = memory;
+        reply(
+            match answer {
+                Ok(()) => Reply::Accepted { id },
+                Err(refusal) => Reply::Refused { id, refusal },
+            },
+            ends,
+        );
+    }
+
+    fn act(&mut self, now: Now, command: Command, inputs: &Inputs, ends: &mut TickEnds<'_>) -> Result<(), Refusal> {
+        match command {
+            Command::Stream { on } => {
+                self.stream.switch(on, now.seq);
+                Ok(())
+            }
+            Command::Status => Ok(()),
+            Command::SetZero => self.set_zero(now, ends),
+            Command::UploadBegin { motion, header, segments } => {
+                self.begin_upload(motion, Motion::new(header), segments)
+            }
+            Command::UploadSegment { index, segment } => self.take_segment(index, segment),
+            Command::UploadEnd { checksum } => self.end_upload(checksum),
+            Command::Start { motion, at_seq } => self.start(now, motion, at_seq, inputs),
+            Command::Stop => {
+                self.end_motion(now, MotionEnd::Stopped, ends);
+                Ok(())
+            }
+            Command::ClearFault => self.clear_fault(now, inputs, ends),
+        }
+    }
+
+    fn status(&self, now: Now) -> Status {
+        let stream = &self.stream;
+        Status {
+            state: self.state(),
+            streaming: stream.on,
+            first_seq: stream.first_seq,
+            end_seq: if stream.on { now.seq } else { stream.end_seq },
+            dropped: stream.dropped,
+            motion: self.motion_id,
+            last_end: self.last_end,
+        }
+    }
+
+    fn set_zero(&mut self, now: Now, ends: &mut TickEnds<'_>) -> Result<(), Refusal> {
+        self.not_busy()?;
+        if !self.sensors.quiet(&self.joints) {
+            return Err(Refusal::NotQuiet);
+        }
+        self.sensors.set_zero();
+        self.tell(now, EventKind::ZeroSet, ends);
+        Ok(())
+    }
+
+    fn begin_upload(&mut self, id: MotionId, motion: Motion, segments: u8) -> Result<(), Refusal> {
+        self.not_busy()?;
+        self.motion_id = MotionId::NONE;
+        self.upload = Upload::None;
+        let (limits, joints) = self.limits();
+        // Without segments everything else must be right.
+        match motion.validate(&limits[..joints]) {
+            Ok(()) | Err(MotionError::Empty) => {}
+            Err(error) => return Err(Refusal::Motion(error)),
+        }
+        let checksum = motion.checksum();
+        self.motion = motion;
+        self.upload = Upload::Under { motion: id, segments, checksum };
+        Ok(())
+    }
+
+    fn take_segment(&mut self, index: u8, segment: Segment) -> Result<(), Refusal> {
+        let Upload::Under { checksum, .. } = &mut self.upload else {
+            return Err(Refusal::NoUpload);
+        };
+        let due = self.motion.segments.len();
+        let repeated = usize::from(index) + 1 == due && self.motion.segments.last() == Some(&segment);
+        if repeated {
+            return Ok(());
+        }
+        let out_of_order = Refusal::UploadOrder { expected: due as u8, got: index };
+        if usize::from(index) != due {
+            return Err(out_of_order);
+        }
+        *checksum = segment.checksum(*checksum);
+        let (limits, joints) = self.limits();
+        segment.validate(index, self.motion.stages.len(), &limits[..joints]).map_err(Refusal::Motion)?;
+        self.motion.segments.push(segment).map_err(|_| out_of_order)
+    }
+
+    fn end_upload(&mut self, checksum: u32) -> Result<(), Refusal> {
+        let Upload::Under { motion, segments, checksum: got } = self.upload else {
+            return Err(Refusal::NoUpload);
+        };
+        let expected = self.motion.segments.len() as u8;
+        if segments != expected {
+            return Err(Refusal::UploadOrder { expected, got: segments });
+        }
+        if got != checksum {
+            return Err(Refusal::Checksum { expected: checksum, got });
+        }
+        self.motion.validate_length().map_err(Refusal::Motion)?;
+        self.motion_id = motion;
+        self.upload = Upload::None;
+        Ok(())
+    }
+
+    fn start(&mut self, now: Now, motion: MotionId, at_seq: Option<u32>, inputs: &Inputs) -> Result<(), Refusal> {
+        self.not_busy()?;
+        if let Some(fault) = self.fault.or_else(|| self.obstacle(now, inputs)) {
+            return Err(Refusal::Fault(fault));
+        }
+        if motion == MotionId::NONE || motion != self.motion_id {
+            return Err(Refusal::NoSuchMotion { asked: motion, there: self.motion_id });
+        }
+        if self.sensors.zero.is_none() {
+            return Err(Refusal::NotZeroed);
+        }
+        let at_seq = at_seq.unwrap_or(now.seq.wrapping_add(1));
+        if at_seq.wrapping_sub(now.seq) as i32 <= 0 {
+            return Err(Refusal::Late { asked: at_seq, now: now.seq });
+        }
+        self.activity = Activity::Waiting { at_seq };
+        Ok(())
+    }
+
+    fn clear_fault(&mut self, now: Now, inputs: &Inputs, ends: &mut TickEnds<'_>) -> Result<(), Refusal> {
+        if self.fault.is_none() {
+            return Ok(());
+        }
+        // A joint beyond its limit may be driven back, and a jump is over once the zero is forgotten.
+        if let Some(lasting) = self.standing_fault(inputs).or(self.sensors.fault()) {
+            return Err(Refusal::Fault(lasting));
+        }
+        self.fault = None;
+        self.tell(now, EventKind::FaultCleared, ends);
+        Ok(())
+    }
+
+    /// What would stop a motion in its first tick.
+    fn obstacle(&mut self, now: Now, inputs: &Inputs) -> Option<Fault> {
+        let silent = self.heartbeat.silent(now.t_us).then_some(Fault::HeartbeatLost);
+        self.standing_fault(inputs).or(self.sensors.fault()).or_else(|| self.limit_fault()).or(silent)
+    }
+
+    fn not_busy(&self) -> Result<(), Refusal> {
+        if self.busy() { Err(Refusal::Running) } else { Ok(()) }
+    }
+
+    /// The joints' ranges, and how many there are.
+    fn limits(&self) -> ([Limits; MAX_JOINTS], usize) {
+        let mut limits = [Limits { min: 0.0, max: 0.0 }; MAX_JOINTS];
+        for (limits, joint) in limits.iter_mut().zip(&self.joints) {
+            *limits = joint.limits;
+        }
+        (limits, self.joints.len())
+    }
+}

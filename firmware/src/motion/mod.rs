@@ -1,0 +1,6 @@
+//! Motions: how the player turns uploaded segments into duties, and the presets of the paper.
+
+mod player;
+mod sine;
+
+pub use player::{Player, Positions, Step};

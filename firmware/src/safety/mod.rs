@@ -1,0 +1,21 @@
+//! Safety: watches that stop a motion, and limits that lower a duty. Last before the pin; nothing here can raise one.
+//!
+//! ```text
+//!   encoders ─▶ EncoderWatch ┐
+//!   gyros ────▶ GyroWatch ───┤
+//!   clock ────▶ Deadline ────┼─▶ Fault ─▶ zero duty at once, latched until cleared
+//!   host ─────▶ Heartbeat ───┤
+//!   stop pin ────────────────┘
+//!
+//!   player ─▶ duty asked ─▶ JointLimits ─▶ duty allowed ─▶ pin
+//! ```
+
+mod deadline;
+mod envelope;
+mod heartbeat;
+mod plausible;
+
+pub use deadline::{Deadline, OnTime};
+pub use envelope::{JointLimits, Lowered};
+pub use heartbeat::Heartbeat;
+pub use plausible::{EncoderBounds, EncoderWatch, GyroBounds, GyroInput, GyroWatch, Verdict};

@@ -1,0 +1,231 @@
+//! Can a sensor be believed? One watch per sensor, fed once a tick.
+
+use crate::driver::{GyroReading, INVALID_WORD};
+
+/// Bounds of an encoder watch.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct EncoderBounds {
+    /// Most counts from one tick to the next.
+    pub max_step_counts: i32,
+    /// Duty (magnitude, steps of 10⁻⁴) that surely moves the joint.
+    pub moving_duty: i16,
+    /// Ticks at such a duty without a single count after which the encoder counts as stuck; 0: never.
+    pub stuck_ticks: u16,
+    /// Ticks without a reading after which the encoder does not answer.
+    pub stale_ticks: u16,
+}
+
+/// What a tick has of a gyroscope.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum GyroInput {
+    /// New words.
+    Words([i16; 3]),
+    /// The part answered, but has not converted since the last tick.
+    #[default]
+    NotReady,
+    /// The part or its bus did not answer.
+    BusError,
+}
+
+impl<E> From<Result<GyroReading, E>> for GyroInput {
+    fn from(reading: Result<GyroReading, E>) -> Self {
+        match reading {
+            Ok(GyroReading { raw, fresh: true }) => GyroInput::Words(raw),
+            Ok(_) => GyroInput::NotReady,
+            Err(_) => GyroInput::BusError,
+        }
+    }
+}
+
+/// What a reading looks like.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// Believable.
+    Good,
+    /// No new reading in this tick.
+    Missing,
+    /// No new reading for too many ticks: the sensor does not answer.
+    Stale,
+    /// As stale, and it is the bus that fails.
+    BusHang,
+    /// The same reading for too long: the sensor, or what it measures, hangs.
+    Stuck,
+    /// At the end of its range in this tick.
+    Saturated,
+    /// Out of range for too long, or by a step that no motion makes.
+    OutOfRange,
+}
+
+/// Watches a motor encoder.
+#[derive(Clone, Copy, Debug)]
+pub struct EncoderWatch {
+    bounds: EncoderBounds,
+    last: Option<i32>,
+    unmoved: u16,
+    missing: u16,
+}
+
+impl EncoderWatch {
+    /// Nothing seen yet.
+    pub const fn new(bounds: EncoderBounds) -> Self {
+        EncoderWatch { bounds, last: None, unmoved: 0, missing: 0 }
+    }
+
+    /// Takes the counts of this tick, or `None` if there are none, and the duty (steps of 10⁻⁴) that was in force
+    /// before it.
+    pub fn check(&mut self, counts: Option<i32>, duty_in_force: i16) -> Verdict {
+        let Some(counts) = counts else {
+            self.missing = self.missing.saturating_add(1);
+            return if self.missing >= self.bounds.stale_ticks { Verdict::Stale } else { Verdict::Missing };
+        };
+        let ticks = i32::from(core::mem::take(&mut self.missing)) + 1;
+        let Some(last) = self.last.replace(counts) else {
+            return Verdict::Good;
+        };
+        let step = counts.wrapping_sub(last);
+        let reach = self.bounds.max_step_counts.saturating_mul(ticks);
+        if step.unsigned_abs() > reach.unsigned_abs() {
+            return Verdict::OutOfRange;
+        }
+        let driven = duty_in_force.unsigned_abs() >= self.bounds.moving_duty.unsigned_abs();
+        self.unmoved = if driven && step == 0 { self.unmoved.saturating_add(1) } else { 0 };
+        let stuck = self.bounds.stuck_ticks > 0 && self.unmoved >= self.bounds.stuck_ticks;
+        if stuck { Verdict::Stuck } else { Verdict::Good }
+    }
+}
+
+/// Bounds of a gyroscope watch.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct GyroBounds {
+    /// Ticks without a new reading after which the sensor does not answer.
+    pub stale_ticks: u16,
+    /// Ticks with the very same words on all axes after which the sensor hangs, for its noise moves them; 0: never.
+    pub stuck_ticks: u16,
+    /// Ticks at the end of the range after which the reading is out of range.
+    pub saturated_ticks: u16,
+    /// Largest magnitude of a word that is a measurement.
+    pub max_word: i16,
+}
+
+/// Watches a gyroscope.
+#[derive(Clone, Copy, Debug)]
+pub struct GyroWatch {
+    bounds: GyroBounds,
+    last: Option<[i16; 3]>,
+    missing: u16,
+    same: u16,
+    saturated: u16,
+}
+
+impl GyroWatch {
+    /// Nothing seen yet.
+    pub const fn new(bounds: GyroBounds) -> Self {
+        GyroWatch { bounds, last: None, missing: 0, same: 0, saturated: 0 }
+    }
+
+    /// Takes what this tick has.
+    pub fn check(&mut self, input: GyroInput) -> Verdict {
+        let words = match input {
+            GyroInput::Words(words) if !words.contains(&INVALID_WORD) => words,
+            silent => {
+                self.missing = self.missing.saturating_add(1);
+                return match silent {
+                    _ if self.missing < self.bounds.stale_ticks => Verdict::Missing,
+                    GyroInput::BusError => Verdict::BusHang,
+                    _ => Verdict::Stale,
+                };
+            }
+        };
+        self.missing = 0;
+        self.same = if self.last == Some(words) { self.same.saturating_add(1) } else { 0 };
+        self.last = Some(words);
+        let at_end = words.iter().any(|word| word.unsigned_abs() >= self.bounds.max_word.unsigned_abs());
+        self.saturated = if at_end { self.saturated.saturating_add(1) } else { 0 };
+        if self.saturated >= self.bounds.saturated_ticks.max(1) {
+            Verdict::OutOfRange
+        } else if self.bounds.stuck_ticks > 0 && self.same >= self.bounds.stuck_ticks {
+            Verdict::Stuck
+        } else if at_end {
+            Verdict::Saturated
+        } else {
+            Verdict::Good
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ENCODER: EncoderBounds =
+        EncoderBounds { max_step_counts: 200, moving_duty: 1000, stuck_ticks: 100, stale_ticks: 3 };
+    const GYRO: GyroBounds = GyroBounds { stale_ticks: 3, stuck_ticks: 50, saturated_ticks: 20, max_word: 32_767 };
+
+    #[test]
+    fn an_encoder_jumps_when_a_tick_moves_it_too_far() {
+        let mut watch = EncoderWatch::new(ENCODER);
+        assert_eq!(watch.check(Some(1_000_000), 0), Verdict::Good, "the first reading may be anything");
+        assert_eq!(watch.check(Some(1_000_200), 0), Verdict::Good);
+        assert_eq!(watch.check(Some(999_999), 0), Verdict::OutOfRange);
+        assert_eq!(watch.check(Some(999_998), 0), Verdict::Good, "judged from where it is now");
+        assert_eq!(watch.check(Some(i32::MIN), 0), Verdict::OutOfRange);
+    }
+
+    #[test]
+    fn an_encoder_is_stuck_only_while_the_motor_is_driven() {
+        let mut watch = EncoderWatch::new(ENCODER);
+        for _ in 0..1000 {
+            assert_eq!(watch.check(Some(7), 999), Verdict::Good);
+        }
+        for _ in 0..99 {
+            assert_eq!(watch.check(Some(7), -1000), Verdict::Good);
+        }
+        assert_eq!(watch.check(Some(7), -1000), Verdict::Stuck);
+        assert_eq!(watch.check(Some(8), -1000), Verdict::Good);
+    }
+
+    #[test]
+    fn a_gyroscope_that_does_not_answer_is_stale_after_three_ticks_and_recovers() {
+        let mut watch = GyroWatch::new(GYRO);
+        assert_eq!(watch.check(GyroInput::Words([1, 2, 3])), Verdict::Good);
+        let silent: Vec<_> = (0..4).map(|_| watch.check(GyroInput::NotReady)).collect();
+        assert_eq!(silent, [Verdict::Missing, Verdict::Missing, Verdict::Stale, Verdict::Stale]);
+        assert_eq!(
+            watch.check(GyroInput::Words([1, 2, INVALID_WORD])),
+            Verdict::Stale,
+            "an invalid word is no reading"
+        );
+        assert_eq!(watch.check(GyroInput::BusError), Verdict::BusHang);
+        assert_eq!(watch.check(GyroInput::Words([1, 2, 4])), Verdict::Good);
+    }
+
+    #[test]
+    fn an_encoder_that_does_not_answer_is_stale_and_may_then_have_moved_further() {
+        let mut watch = EncoderWatch::new(ENCODER);
+        watch.check(Some(0), 0);
+        let silent: Vec<_> = (0..3).map(|_| watch.check(None, 0)).collect();
+        assert_eq!(silent, [Verdict::Missing, Verdict::Missing, Verdict::Stale]);
+        assert_eq!(watch.check(Some(800), 0), Verdict::Good, "four ticks of 200");
+        assert_eq!(watch.check(Some(1001), 0), Verdict::OutOfRange, "one tick of 201");
+    }
+
+    #[test]
+    fn a_gyroscope_without_noise_is_stuck() {
+        let mut watch = GyroWatch::new(GYRO);
+        for _ in 0..50 {
+            assert_eq!(watch.check(GyroInput::Words([5, -6, 7])), Verdict::Good);
+        }
+        assert_eq!(watch.check(GyroInput::Words([5, -6, 7])), Verdict::Stuck);
+        assert_eq!(watch.check(GyroInput::Words([5, -6, 8])), Verdict::Good);
+    }
+
+    #[test]
+    fn saturation_is_told_at_once_and_stops_when_it_lasts() {
+        let mut watch = GyroWatch::new(GYRO);
+        for k in 0..19 {
+            assert_eq!(watch.check(GyroInput::Words([k, -32_767, 7])), Verdict::Saturated);
+        }
+        assert_eq!(watch.check(GyroInput::Words([19, 32_767, 7])), Verdict::OutOfRange);
+        assert_eq!(watch.check(GyroInput::Words([20, 32_766, 7])), Verdict::Good);
+    }
+}
