@@ -55,17 +55,12 @@ pub struct Failure {
 impl Failure {
     /// A failure with the given code; `cause` is a typed error or a text.
     pub fn new(exit: Exit, cause: impl Into<Box<dyn Error + Send + Sync>>) -> Self {
-        Self {
-            exit,
-            cause: cause.into(),
-            advice: None,
-        }
+        Self { exit, cause: cause.into(), advice: None }
     }
 
     /// A fault of the program itself: exit code 1.
     pub fn fault(cause: impl Into<Box<dyn Error + Send + Sync>>) -> Self {
-        Self::new(Exit::Fault, cause)
-            .advice("this is a bug: please report it with the command line and the text above")
+        Self::new(Exit::Fault, cause).advice("this is a bug: please report it with the command line and the text above")
     }
 
     /// The command line asks for what cannot or must not be done: exit code 2.
@@ -115,8 +110,6 @@ impl Error for Failure {
 
 impl miette::Diagnostic for Failure {
     fn help<'a>(&'a self) -> Option<Box<dyn fmt::Display + 'a>> {
-        self.advice
-            .as_ref()
-            .map(|advice| Box::new(advice) as Box<dyn fmt::Display>)
+        self.advice.as_ref().map(|advice| Box::new(advice) as Box<dyn fmt::Display>)
     }
 }

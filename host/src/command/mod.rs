@@ -11,8 +11,12 @@
 //! carries results), [`NewFile`], [`LiveFile`] and [`ResultArgs`] (files that are never overwritten unasked).
 
 mod completions;
+mod export;
+mod import;
+mod repair;
 
 mod exit;
+mod failures;
 mod output;
 mod ui;
 
@@ -21,6 +25,7 @@ use std::process::ExitCode;
 use clap::{CommandFactory, Parser, Subcommand};
 
 pub use exit::{Exit, Failure};
+use failures::{read_failure, robot_failure, table_failure};
 pub use output::{LiveFile, NewFile, Outputs, ResultArgs};
 pub use ui::{Progress, Ui};
 
@@ -36,6 +41,9 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Verb {
+    Import(import::Args),
+    Export(export::Args),
+    Repair(repair::Args),
     Completions(completions::Args),
 }
 
@@ -46,6 +54,9 @@ pub fn main() -> ExitCode {
     let cli = Cli::parse(); // ends the process with code 2 if the line is not understood
     let ui = Ui::new(&cli.ui);
     let ended = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| match cli.verb {
+        Verb::Import(args) => import::run(args, &ui),
+        Verb::Export(args) => export::run(args, &ui),
+        Verb::Repair(args) => repair::run(args, &ui),
         Verb::Completions(args) => completions::run(args, &ui),
     }));
     let exit = match ended {
@@ -56,9 +67,7 @@ pub fn main() -> ExitCode {
             exit
         }
         Err(_) => {
-            ui.failure(Failure::fault(
-                "the program met a state that should be impossible (see above)",
-            ));
+            ui.failure(Failure::fault("the program met a state that should be impossible (see above)"));
             Exit::Fault
         }
     };

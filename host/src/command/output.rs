@@ -32,28 +32,15 @@ impl NewFile {
             .permissions(std::fs::Permissions::from_mode(0o666)) // less the user's umask, as any new file
             .tempfile_in(folder(path))
             .map_err(|error| cannot_write(path, error))?;
-        Ok(Self {
-            path: path.to_owned(),
-            force,
-            part: BufWriter::new(part),
-        })
+        Ok(Self { path: path.to_owned(), force, part: BufWriter::new(part) })
     }
 
     /// Syncs the file to disk and gives it its name.
     pub fn finish(self) -> Result<(), Failure> {
         let path = self.path;
-        let part = self
-            .part
-            .into_inner()
-            .map_err(|error| cannot_write(&path, error.into_error()))?;
-        part.as_file()
-            .sync_all()
-            .map_err(|error| cannot_write(&path, error))?;
-        let named = if self.force {
-            part.persist(&path)
-        } else {
-            part.persist_noclobber(&path)
-        };
+        let part = self.part.into_inner().map_err(|error| cannot_write(&path, error.into_error()))?;
+        part.as_file().sync_all().map_err(|error| cannot_write(&path, error))?;
+        let named = if self.force { part.persist(&path) } else { part.persist_noclobber(&path) };
         match named {
             Ok(_) => Ok(()),
             Err(error) if error.error.kind() == io::ErrorKind::AlreadyExists => Err(exists(&path)),
@@ -63,9 +50,7 @@ impl NewFile {
 
     /// Writes all of `bytes` and finishes.
     pub fn finish_with(mut self, bytes: &[u8]) -> Result<(), Failure> {
-        self.part
-            .write_all(bytes)
-            .map_err(|error| cannot_write(&self.path, error))?;
+        self.part.write_all(bytes).map_err(|error| cannot_write(&self.path, error))?;
         self.finish()
     }
 
@@ -104,24 +89,14 @@ impl LiveFile {
         refuse_existing(path, force)?;
         let folder = folder(path);
         if !folder.is_dir() {
-            return Err(cannot_write(
-                path,
-                io::Error::new(io::ErrorKind::NotFound, "there is no such folder"),
-            ));
+            return Err(cannot_write(path, io::Error::new(io::ErrorKind::NotFound, "there is no such folder")));
         }
-        Ok(Self {
-            path: path.to_owned(),
-            force,
-        })
+        Ok(Self { path: path.to_owned(), force })
     }
 
     /// Creates the file. A file that appeared since [`LiveFile::claim`] is refused too.
     pub fn create(&self) -> Result<File, Failure> {
-        let opened = if self.force {
-            File::create(&self.path)
-        } else {
-            File::create_new(&self.path)
-        };
+        let opened = if self.force { File::create(&self.path) } else { File::create_new(&self.path) };
         opened.map_err(|error| match error.kind() {
             io::ErrorKind::AlreadyExists => exists(&self.path),
             _ => cannot_write(&self.path, error),
@@ -154,16 +129,8 @@ pub struct ResultArgs {
 impl ResultArgs {
     /// Claims the files. To be called before the long work.
     pub fn claim(&self) -> Result<Outputs, Failure> {
-        let claim = |path: &Option<PathBuf>| {
-            path.as_deref()
-                .map(|path| NewFile::claim(path, self.force))
-                .transpose()
-        };
-        Ok(Outputs {
-            json: self.json,
-            output: claim(&self.output)?,
-            report: claim(&self.report)?,
-        })
+        let claim = |path: &Option<PathBuf>| path.as_deref().map(|path| NewFile::claim(path, self.force)).transpose();
+        Ok(Outputs { json: self.json, output: claim(&self.output)?, report: claim(&self.report)? })
     }
 }
 
@@ -177,12 +144,7 @@ pub struct Outputs {
 
 impl Outputs {
     /// Writes the result object to where it was asked for; `page` makes the report and is called only if one is wanted.
-    pub fn finish<T: Serialize>(
-        self,
-        ui: &Ui,
-        result: &T,
-        page: impl FnOnce() -> String,
-    ) -> Result<(), Failure> {
+    pub fn finish<T: Serialize>(self, ui: &Ui, result: &T, page: impl FnOnce() -> String) -> Result<(), Failure> {
         let text = serde_json::to_string_pretty(result).map_err(Failure::fault)? + "\n";
         if let Some(file) = self.output {
             ui.say(format_args!("result: {}", file.path().display()));
@@ -210,8 +172,7 @@ fn refuse_existing(path: &Path, force: bool) -> Result<(), Failure> {
     // symlink_metadata: a dangling link is in the way as well.
     match path.symlink_metadata() {
         Ok(found) if found.is_dir() => {
-            Err(Failure::usage(format!("{} is a folder", path.display()))
-                .advice("give the name of a file"))
+            Err(Failure::usage(format!("{} is a folder", path.display())).advice("give the name of a file"))
         }
         Ok(_) if !force => Err(exists(path)),
         _ => Ok(()),
@@ -219,19 +180,13 @@ fn refuse_existing(path: &Path, force: bool) -> Result<(), Failure> {
 }
 
 fn exists(path: &Path) -> Failure {
-    Failure::usage(format!(
-        "{} exists already, and nothing was overwritten",
-        path.display()
-    ))
-    .advice("choose another name, or add --force to replace it")
+    Failure::usage(format!("{} exists already, and nothing was overwritten", path.display()))
+        .advice("choose another name, or add --force to replace it")
 }
 
 fn cannot_write(path: &Path, error: io::Error) -> Failure {
-    Failure::device(CannotWrite {
-        path: path.to_owned(),
-        source: error,
-    })
-    .advice("check that the folder exists, that you may write there, and that the disk has room")
+    Failure::device(CannotWrite { path: path.to_owned(), source: error })
+        .advice("check that the folder exists, that you may write there, and that the disk has room")
 }
 
 #[derive(Debug, thiserror::Error)]
@@ -251,14 +206,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("cal.json");
         std::fs::write(&path, "precious").unwrap();
-        assert_eq!(
-            NewFile::claim(&path, false).unwrap_err().exit(),
-            Exit::Usage
-        );
-        assert_eq!(
-            LiveFile::claim(&path, false).unwrap_err().exit(),
-            Exit::Usage
-        );
+        assert_eq!(NewFile::claim(&path, false).unwrap_err().exit(), Exit::Usage);
+        assert_eq!(LiveFile::claim(&path, false).unwrap_err().exit(), Exit::Usage);
         assert_eq!(std::fs::read_to_string(&path).unwrap(), "precious");
     }
 
@@ -272,11 +221,7 @@ mod tests {
         assert_eq!(file.finish_with(b"new").unwrap_err().exit(), Exit::Usage);
         assert_eq!(live.create().unwrap_err().exit(), Exit::Usage);
         assert_eq!(std::fs::read_to_string(&path).unwrap(), "precious");
-        assert_eq!(
-            std::fs::read_dir(folder.path()).unwrap().count(),
-            1,
-            "a temporary file was left behind"
-        );
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "a temporary file was left behind");
     }
 
     #[test]
@@ -288,23 +233,14 @@ mod tests {
         file.write_all(b"half").unwrap();
         drop(file);
         assert_eq!(std::fs::read_to_string(&path).unwrap(), "old");
-        NewFile::claim(&path, true)
-            .unwrap()
-            .finish_with(b"new")
-            .unwrap();
+        NewFile::claim(&path, true).unwrap().finish_with(b"new").unwrap();
         assert_eq!(std::fs::read_to_string(&path).unwrap(), "new");
     }
 
     #[test]
     fn a_missing_folder_is_known_before_the_work() {
         let path = Path::new("no/such/folder/cal.json");
-        assert_eq!(
-            NewFile::claim(path, false).unwrap_err().exit(),
-            Exit::Device
-        );
-        assert_eq!(
-            LiveFile::claim(path, false).unwrap_err().exit(),
-            Exit::Device
-        );
+        assert_eq!(NewFile::claim(path, false).unwrap_err().exit(), Exit::Device);
+        assert_eq!(LiveFile::claim(path, false).unwrap_err().exit(), Exit::Device);
     }
 }

@@ -30,11 +30,7 @@ impl Ui {
     /// Sets up log, error printing and progress for this process. To be called once.
     pub(super) fn new(args: &Args) -> Self {
         let terminal = io::stderr().is_terminal();
-        let target = if terminal && !args.quiet {
-            ProgressDrawTarget::stderr()
-        } else {
-            ProgressDrawTarget::hidden()
-        };
+        let target = if terminal && !args.quiet { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
         let bars = MultiProgress::with_draw_target(target);
         let level = match args.verbose {
             0 => LevelFilter::WARN,
@@ -52,17 +48,9 @@ impl Ui {
             .try_init();
         let _ = miette::set_hook(Box::new(move |_| {
             // A pipe gets each message in one line, whatever its length: programs search in it.
-            Box::new(
-                miette::MietteHandlerOpts::new()
-                    .terminal_links(false)
-                    .wrap_lines(terminal)
-                    .build(),
-            )
+            Box::new(miette::MietteHandlerOpts::new().terminal_links(false).wrap_lines(terminal).build())
         }));
-        Self {
-            bars,
-            quiet: args.quiet,
-        }
+        Self { bars, quiet: args.quiet }
     }
 
     /// One line for the human reader, to stderr. Silent under `--quiet`.
@@ -76,10 +64,7 @@ impl Ui {
     /// Text to stdout. A reader that went away (`| head`) is no failure.
     pub fn print(&self, text: &str) -> Result<(), Failure> {
         let mut stdout = io::stdout().lock();
-        match stdout
-            .write_all(text.as_bytes())
-            .and_then(|()| stdout.flush())
-        {
+        match stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush()) {
             Err(error) if error.kind() != io::ErrorKind::BrokenPipe => Err(Failure::device(error)),
             _ => Ok(()),
         }
@@ -87,9 +72,8 @@ impl Ui {
 
     /// A bar that counts to `total`; `what` says what is being done ("reading").
     pub fn progress(&self, what: &str, total: u64) -> Progress {
-        let style =
-            ProgressStyle::with_template("{prefix:>12} {bar:30} {percent:>3} % {msg} ({eta} left)")
-                .expect("the template is a constant that a test draws");
+        let style = ProgressStyle::with_template("{prefix:>12} {bar:30} {percent:>3} % {msg} ({eta} left)")
+            .expect("the template is a constant that a test draws");
         let bar = self.bars.add(ProgressBar::new(total).with_style(style));
         bar.set_prefix(what.to_owned());
         Progress(bar)
@@ -158,10 +142,7 @@ mod tests {
 
     #[test]
     fn both_progress_lines_draw() {
-        let ui = Ui {
-            bars: MultiProgress::with_draw_target(ProgressDrawTarget::hidden()),
-            quiet: false,
-        };
+        let ui = Ui { bars: MultiProgress::with_draw_target(ProgressDrawTarget::hidden()), quiet: false };
         let bar = ui.progress("reading", 10);
         bar.at(5);
         bar.note("half");

@@ -1,0 +1,41 @@
+//! `host import`: a table becomes a recording.
+
+use std::path::PathBuf;
+
+use super::{Exit, Failure, NewFile, Ui, robot_failure, table_failure};
+use crate::recording::{csv, mcap};
+use crate::robot::Robot;
+
+/// Turn a CSV table into a recording
+///
+/// One row a tick: t_us (or t_s), u1..un, then the robot's channels by name (theta1, g1x, …) in rad and rad/s on the
+/// link side of the gear. A missing tick is a missing row, an empty field a sensor without a reading. `.csv.gz` is read
+/// as well.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// The table
+    #[arg(value_name = "DATA.csv")]
+    table: PathBuf,
+    /// The robot: a built-in name or a description file
+    #[arg(long, value_name = "ROBOT", default_value = "doggy")]
+    robot: String,
+    /// The recording to make
+    #[arg(short, long, value_name = "RUN.mcap")]
+    output: PathBuf,
+    /// Replace the recording if it exists
+    #[arg(long)]
+    force: bool,
+}
+
+/// Reads the table, writes the recording, says what is in it.
+pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
+    let robot = Robot::load(&args.robot).map_err(robot_failure)?;
+    let file = NewFile::claim(&args.output, args.force)?;
+    let reading = ui.busy("reading");
+    let recording = csv::read(&args.table, &robot).map_err(table_failure)?;
+    reading.stage("writing");
+    mcap::write(file, &recording).map_err(Failure::device)?.finish()?;
+    drop(reading);
+    ui.say(format_args!("{}: {}", args.output.display(), recording.summary()));
+    Ok(Exit::Ok)
+}

@@ -1,0 +1,168 @@
+//! The recording itself: columns, and the questions that every user of one asks.
+
+use std::ops::Range;
+
+use super::mcap::Damage;
+use super::{Event, LossBalance, Session, Source};
+use crate::robot::{self, Robot};
+
+/// [`Recording::phase`] outside of a motion, and of every row of an imported table.
+pub const NO_PHASE: u8 = u8::MAX;
+
+/// A time step longer than this many periods is a gap.
+const LONGEST_STEP_PERIODS: f64 = 1.5;
+
+/// A recording: one entry a tick in every column.
+#[derive(Debug, Clone)]
+pub struct Recording {
+    /// The robot that moved.
+    pub robot: Robot,
+    /// The file that it was read from.
+    pub source: Source,
+    /// The table that it was imported from.
+    pub imported_from: Option<Source>,
+    /// Nominal period of the tick, s.
+    pub period_s: f64,
+    /// Device time, unwrapped, strictly rising, µs.
+    pub t_us: Vec<u64>,
+    /// Number of the tick, unwrapped, strictly rising.
+    pub seq: Vec<u64>,
+    /// `[joint][k]`: input in force from t_k to t_{k+1}, in the unit of the robot's input (duty −1 … 1, say).
+    pub duty: Vec<Vec<f64>>,
+    /// Measured columns in the order of [`Robot::channels`].
+    pub channels: Vec<Channel>,
+    /// Segment of the motion that was being played, or [`NO_PHASE`].
+    pub phase: Vec<u8>,
+    /// What the device said of each tick; defaults for imported tables.
+    pub ticks: Vec<Tick>,
+    /// See [`Session::zero_rad`].
+    pub zero_rad: Vec<f64>,
+    /// The motion that was played.
+    pub motion: Option<super::MotionFile>,
+    /// Where missing samples went; `None` for tables, and for a recording that was cut off before the first balance.
+    pub balance: Option<LossBalance>,
+    /// What happened meanwhile.
+    pub events: Vec<Event>,
+    /// The device's handshake.
+    pub firmware: Option<super::Firmware>,
+    /// What is wrong with the file that it was read from; empty for a whole one.
+    pub damage: Vec<Damage>,
+}
+
+/// One measured column.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Channel {
+    /// What it measures, its names, unit and sigma.
+    pub spec: robot::Channel,
+    /// One value a tick; NaN where the sensor had no valid reading (stale, saturated).
+    pub values: Vec<f64>,
+}
+
+/// What the device says of a tick beside its measurements.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Tick {
+    /// The protocol's flags, as bits.
+    pub flags: u16,
+    /// Time that the tick before this one took, µs; NaN if unknown.
+    pub execution_us: f64,
+    /// How much later than one period after the tick before this one began, µs; NaN if unknown.
+    pub jitter_us: f64,
+}
+
+impl Default for Tick {
+    fn default() -> Self {
+        Self { flags: 0, execution_us: f64::NAN, jitter_us: f64::NAN }
+    }
+}
+
+impl Recording {
+    /// Number of samples.
+    pub fn len(&self) -> usize {
+        self.t_us.len()
+    }
+
+    /// Whether there is no sample. A recording that was read has at least one.
+    pub fn is_empty(&self) -> bool {
+        self.t_us.is_empty()
+    }
+
+    /// Time of sample k after the first one, s.
+    pub fn time_s(&self, k: usize) -> f64 {
+        (self.t_us[k] - self.t_us[0]) as f64 * 1e-6
+    }
+
+    /// Time from the first to the last sample, s.
+    pub fn duration_s(&self) -> f64 {
+        self.len().checked_sub(1).map_or(0.0, |last| self.time_s(last))
+    }
+
+    /// Ticks for which there is no sample, between the first and the last one.
+    pub fn missing_ticks(&self) -> u64 {
+        match (self.seq.first(), self.seq.last()) {
+            (Some(first), Some(last)) => last - first + 1 - self.len() as u64,
+            _ => 0,
+        }
+    }
+
+    /// Whether something is missing between sample k − 1 and sample k: a number was skipped, or the time step is
+    /// longer than 1.5 periods.
+    pub fn gap_before(&self, k: usize) -> bool {
+        let step_us = (self.t_us[k] - self.t_us[k - 1]) as f64;
+        self.seq[k] != self.seq[k - 1] + 1 || step_us > LONGEST_STEP_PERIODS * self.period_s * 1e6
+    }
+
+    /// Runs of samples without a gap, in order; together they are all samples.
+    pub fn segments(&self) -> Vec<Range<usize>> {
+        let mut segments = Vec::new();
+        let mut start = 0;
+        for k in 1..self.len() {
+            if self.gap_before(k) {
+                segments.push(start..k);
+                start = k;
+            }
+        }
+        if start < self.len() {
+            segments.push(start..self.len());
+        }
+        segments
+    }
+
+    /// Gaps between the samples.
+    pub fn gaps(&self) -> usize {
+        self.segments().len().saturating_sub(1)
+    }
+
+    /// The samples before the first input that is not zero: the robot rests, and gyros show their bias.
+    ///
+    /// It says nothing about whether the robot really rested; `check` does.
+    pub fn rest_window(&self) -> Range<usize> {
+        let end = (0..self.len()).find(|&k| self.duty.iter().any(|duty| duty[k] != 0.0));
+        0..end.unwrap_or(self.len())
+    }
+
+    /// The column of that name, as in tables (`theta1`) or results (`encoder1`).
+    pub fn channel(&self, name: &str) -> Option<&Channel> {
+        self.channels.iter().find(|channel| channel.spec.column == name || channel.spec.name == name)
+    }
+
+    /// One line for people: samples, length, rate and what is missing.
+    pub fn summary(&self) -> String {
+        let gaps = match (self.gaps(), self.missing_ticks()) {
+            (0, _) => "no gap".to_owned(),
+            (gaps, missing) => format!("{gaps} gaps, {missing} ticks missing"),
+        };
+        let (samples, robot, duration_s) = (self.len(), &self.robot.name, self.duration_s());
+        format!("{samples} samples of {robot}, {duration_s:.3} s, {gaps}")
+    }
+
+    /// What surrounds the samples, to write them again.
+    pub fn session(&self) -> Session {
+        Session {
+            robot: self.robot.clone(),
+            motion: self.motion.clone(),
+            zero_rad: self.zero_rad.clone(),
+            firmware: self.firmware.clone(),
+            imported_from: self.imported_from.clone(),
+        }
+    }
+}

@@ -1,0 +1,128 @@
+//! What surrounds the samples of a recording: where it comes from, what was played, what happened, what was lost.
+
+use std::path::PathBuf;
+
+use serde::{Deserialize, Serialize};
+
+use crate::robot::Robot;
+
+/// What is known before the first sample. It stands first in a file, so that nothing can cut it off.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Session {
+    /// The robot, with the text of its description.
+    pub robot: Robot,
+    /// The motion that is played.
+    pub motion: Option<MotionFile>,
+    /// Angle of each encoder (motor encoders, then link encoders, in channel order) where it was switched on, that was
+    /// taken off to give absolute angles, rad or m; empty if the angles came as absolute ones.
+    pub zero_rad: Vec<f64>,
+    /// The handshake of the device.
+    pub firmware: Option<Firmware>,
+    /// The table that was imported.
+    pub imported_from: Option<Source>,
+}
+
+impl Session {
+    /// A session of which nothing but the robot is known.
+    pub fn of(robot: Robot) -> Self {
+        Self { robot, motion: None, zero_rad: Vec::new(), firmware: None, imported_from: None }
+    }
+}
+
+/// A file that data came from.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Source {
+    /// As the user named it.
+    pub path: PathBuf,
+    /// SHA-256 of its bytes, lower-case hexadecimal.
+    pub sha256: String,
+}
+
+/// A motion as it was uploaded.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct MotionFile {
+    /// Name of the preset or file.
+    pub name: String,
+    /// Text of the motion file; [`Recording::phase`](super::Recording::phase) counts its segments.
+    pub toml: String,
+}
+
+/// Versions of the device, from its handshake.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Firmware {
+    /// Version of the firmware.
+    pub version: String,
+    /// Version of the protocol.
+    pub protocol_version: u16,
+    /// Hash over the structure of every message.
+    pub schema_key: String,
+    /// Name of the robot that the firmware was built for.
+    pub robot: String,
+    /// Whatever else the handshake said and a reader may want (scales, offsets, reason of the last reset), as text.
+    #[serde(default)]
+    pub details: String,
+}
+
+/// How much something matters.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Severity {
+    /// Worth knowing.
+    Note,
+    /// The result will be worse than it could be.
+    Warning,
+    /// Unusable.
+    Error,
+}
+
+impl Severity {
+    /// As results and files spell it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Note => "note",
+            Self::Warning => "warning",
+            Self::Error => "error",
+        }
+    }
+
+    pub(super) fn of_name(name: &str) -> Option<Self> {
+        [Self::Note, Self::Warning, Self::Error].into_iter().find(|severity| severity.name() == name)
+    }
+}
+
+/// Something that happened during the recording, said by the device or by the host.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Event {
+    /// Device time (unwrapped), µs.
+    pub t_us: u64,
+    /// Number of the tick (unwrapped).
+    pub seq: u64,
+    /// How much it matters.
+    pub severity: Severity,
+    /// What happened, for people.
+    pub text: String,
+}
+
+/// Where the missing samples went. Exact when the device's own count was received at the end.
+///
+/// `missing = device_dropped + host_dropped + line_lost`
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LossBalance {
+    /// Ticks of the stream, sent or not.
+    pub ticks: u64,
+    /// Samples that arrived.
+    pub received: u64,
+    /// Sequence numbers that never arrived.
+    pub missing: u64,
+    /// Of these, dropped by the device (its own count).
+    pub device_dropped: u64,
+    /// Of these, dropped by the host's queue.
+    pub host_dropped: u64,
+    /// The rest: lost on the line.
+    pub line_lost: u64,
+    /// Frames that arrived damaged and were thrown away (they are among the lost).
+    pub damaged_frames: u64,
+    /// Whether the device's closing count was received; if not, `device_dropped` is what it had told until then.
+    pub closed: bool,
+}
