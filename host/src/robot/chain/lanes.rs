@@ -51,6 +51,8 @@ impl<const N: usize> Sub for Lanes<N> {
     }
 }
 
+// The product rule is a sum.
+#[allow(clippy::suspicious_arithmetic_impl)]
 impl<const N: usize> Mul for Lanes<N> {
     type Output = Self;
     #[inline(always)]
