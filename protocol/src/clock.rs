@@ -50,6 +50,20 @@ impl Unwrapped {
         Ok(now)
     }
 
+    /// The 64-bit value of a reading that is near the last one, before or after it: the time of an event, say. The
+    /// clock is left as it was. Before the first reading, and before time 0, it is the raw value.
+    pub fn near(&self, raw: u32) -> u64 {
+        let Some(last) = self.last else {
+            return u64::from(raw);
+        };
+        let step = raw.wrapping_sub(last as u32);
+        if step < 1 << 31 {
+            last.wrapping_add(u64::from(step))
+        } else {
+            last.checked_sub(u64::from(step.wrapping_neg())).unwrap_or(u64::from(raw))
+        }
+    }
+
     /// The last value, if any was read.
     pub fn last(&self) -> Option<u64> {
         self.last
@@ -74,6 +88,15 @@ mod tests {
                 truth += u64::from(step);
                 prop_assert_eq!(clock.advance(truth as u32), Ok(truth));
             }
+        }
+
+        #[test]
+        fn a_time_near_the_last_reading_is_found_on_both_sides(
+            start in 1u64 << 33..1 << 40, apart in -(1i64 << 31) + 1..1 << 31,
+        ) {
+            let clock = Unwrapped { last: Some(start) };
+            let truth = start.checked_add_signed(apart).unwrap();
+            prop_assert_eq!(clock.near(truth as u32), truth);
         }
 
         #[test]

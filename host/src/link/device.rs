@@ -1,0 +1,370 @@
+//! A device at the other end of a line: handshake, requests, stream.
+
+use std::sync::Arc;
+use std::sync::atomic::Ordering::Relaxed;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use protocol::hello::Greeting;
+use protocol::{Command, Hello, Motion, MotionId, Refusal, State, Status, ToDevice, budget};
+
+use super::heartbeat::Pulse;
+use super::inbox::Arrival;
+use super::outgoing::{Outgoing, Unsent};
+use super::reader::{self, Answer, Shared};
+use super::{LinkError, port};
+use crate::recording::LossBalance;
+
+/// How long one attempt of a request waits for its answer. An adapter may hold bytes for 16 ms each way.
+const ATTEMPT: Duration = Duration::from_millis(200);
+/// Attempts of a request.
+const ATTEMPTS: u32 = 10;
+/// Samples that the queue holds: 4 s at 1 kHz, for a disk that sleeps.
+const QUEUE: usize = 4096;
+/// After the stream's end, how long nothing may come until nothing more is expected.
+const STRAGGLERS: Duration = Duration::from_millis(200);
+
+/// How to open a device.
+#[derive(Debug, Clone, Copy)]
+pub struct Options {
+    /// Bits per second on the line.
+    pub baud: u32,
+    /// Samples that may wait to be taken.
+    pub queue: usize,
+    /// Attempts at the handshake, 0.2 s each: a board that resets when its port is opened takes a second or two.
+    pub greetings: u32,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self { baud: budget::BAUD, queue: QUEUE, greetings: 15 }
+    }
+}
+
+/// A device that answered the handshake. Dropped, it is told to stop.
+pub struct Device {
+    shared: Arc<Shared>,
+    outgoing: Arc<Outgoing>,
+    answers: Receiver<Answer>,
+    reader: Option<JoinHandle<()>>,
+    pulse: Option<Pulse>,
+    hello: Hello,
+}
+
+/// Stops the device from another thread, without waiting for anything: for Ctrl-C.
+#[derive(Clone)]
+pub struct Stopper(Arc<Outgoing>);
+
+impl Stopper {
+    /// Sends the stop; nothing that could set the robot in motion follows it.
+    pub fn stop(&self) {
+        // A line that is gone cannot be told; the device stops by itself when the heartbeats stay away.
+        if let Err(error) = self.0.stop() {
+            tracing::warn!("the stop could not be sent: {error}");
+        }
+    }
+}
+
+impl Device {
+    /// Opens the port and shakes hands.
+    ///
+    /// # Errors
+    /// [`LinkError`], which knows what to do ([`LinkError::advice`]).
+    pub fn open(port: &str, options: &Options) -> Result<Self, LinkError> {
+        let opened = |error: serialport::Error| LinkError::Open { port: port.to_owned(), source: error };
+        let line = port::open(port, options.baud)?;
+        let incoming = line.try_clone().map_err(opened)?;
+        let shared = Arc::new(Shared::new(port, options.queue));
+        let (answers_in, answers) = sync_channel(64);
+        let theirs = Arc::clone(&shared);
+        let reader = std::thread::Builder::new()
+            .name("serial reader".to_owned())
+            .spawn(move || reader::run(incoming, theirs, answers_in))
+            .map_err(|error| opened(error.into()))?;
+        let outgoing = Arc::new(Outgoing::new(line));
+        // From here on a drop closes the thread, with or without a handshake.
+        let closing = Closing { shared: &shared, reader: Some(reader) };
+        let hello = shake_hands(&shared, &outgoing, &answers, options.greetings)?;
+        hello.validate()?;
+        let reader = closing.keep();
+        Ok(Self { shared, outgoing, answers, reader, pulse: None, hello })
+    }
+
+    /// The handshake.
+    pub fn hello(&self) -> &Hello {
+        &self.hello
+    }
+
+    /// Makes the device quiet whatever it did before: stops a motion, ends a stream, clears a fault.
+    ///
+    /// # Errors
+    /// [`LinkError::Refused`] if the cause of a fault lasts.
+    pub fn settle(&mut self) -> Result<(), LinkError> {
+        let mut status = self.status()?;
+        if matches!(status.state, State::Running { .. } | State::Waiting { .. }) {
+            self.ask("stop", Command::Stop)?;
+            status = self.status()?;
+        }
+        if status.streaming {
+            self.ask("end its stream", Command::Stream { on: false })?;
+            // Samples of that stream may still be under way; their numbers tell.
+            self.shared.stream().from_seq = Some(self.status()?.end_seq);
+        }
+        if let State::Fault(fault) = status.state {
+            tracing::warn!("the device had a latched fault: {fault}");
+            self.ask("clear its fault", Command::ClearFault)?;
+        }
+        self.shared.established.store(true, Relaxed);
+        Ok(())
+    }
+
+    /// Takes the present pose as zero and reads the handshake anew, which then has the zero positions.
+    ///
+    /// # Errors
+    /// [`LinkError::Refused`] if the robot moves.
+    pub fn set_zero(&mut self) -> Result<(), LinkError> {
+        self.ask("set zero", Command::SetZero)?;
+        self.hello = shake_hands(&self.shared, &self.outgoing, &self.answers, ATTEMPTS)?;
+        self.hello.validate()?;
+        Ok(())
+    }
+
+    /// Uploads a motion, segment by segment.
+    ///
+    /// # Errors
+    /// [`LinkError::Refused`] with the rule that it breaks.
+    pub fn upload(&mut self, id: MotionId, motion: &Motion) -> Result<(), LinkError> {
+        // At most MAX_SEGMENTS, which fits a byte.
+        let segments = motion.segments.len() as u8;
+        self.ask("take a motion", Command::UploadBegin { motion: id, header: motion.header(), segments })?;
+        for (index, segment) in (0u8..).zip(&motion.segments) {
+            self.ask("take a segment", Command::UploadSegment { index, segment: segment.clone() })?;
+        }
+        self.ask("accept the motion", Command::UploadEnd { checksum: motion.checksum() })
+    }
+
+    /// Switches the stream of samples on; [`Device::next`] gives them. From now on heartbeats are sent.
+    ///
+    /// # Errors
+    /// [`LinkError`].
+    pub fn stream(&mut self) -> Result<(), LinkError> {
+        self.shared.inbox.forget_samples();
+        {
+            let mut stream = self.shared.stream();
+            stream.on = true;
+            stream.ledger = Default::default();
+        }
+        if self.pulse.is_none() {
+            let pulse = Pulse::start(Arc::clone(&self.outgoing), self.hello.tick_us);
+            self.pulse = Some(pulse.map_err(|source| LinkError::Gone { port: self.shared.port.clone(), source })?);
+        }
+        self.ask("send samples", Command::Stream { on: true })
+    }
+
+    /// Plays the uploaded motion from the next tick on.
+    ///
+    /// # Errors
+    /// [`LinkError::Refused`] with the reason.
+    pub fn start(&mut self, motion: MotionId) -> Result<(), LinkError> {
+        self.ask("start the motion", Command::Start { motion, at_seq: None })
+    }
+
+    /// The next thing that the device sent, or `None` if nothing came in time. Call it often: heartbeats tell the
+    /// device how far this side has come.
+    ///
+    /// # Errors
+    /// Why nothing follows, once everything that came before was given: [`LinkError::Gone`],
+    /// [`LinkError::Restarted`].
+    pub fn next(&self, patience: Duration) -> Result<Option<Arrival>, LinkError> {
+        let arrival = self.shared.inbox.next(patience)?;
+        if let (Some(Arrival::Sample { sample, .. }), Some(pulse)) = (&arrival, &self.pulse) {
+            pulse.seen(sample.seq);
+        }
+        Ok(arrival)
+    }
+
+    /// A handle to stop the device from another thread.
+    pub fn stopper(&self) -> Stopper {
+        Stopper(Arc::clone(&self.outgoing))
+    }
+
+    /// Zero duty, and waits for the acknowledgement.
+    ///
+    /// # Errors
+    /// [`LinkError`] if it does not come.
+    pub fn stop(&mut self) -> Result<(), LinkError> {
+        self.ask("stop", Command::Stop)
+    }
+
+    /// Where the device stands.
+    ///
+    /// # Errors
+    /// [`LinkError::Unanswered`].
+    pub fn status(&mut self) -> Result<Status, LinkError> {
+        // Status and acknowledgement are two frames, and a repeated request is only acknowledged: a fresh id each time.
+        for _ in 0..ATTEMPTS {
+            let id = self.outgoing.fresh_id();
+            self.send("tell its status", &ToDevice::Request { id, command: Command::Status })?;
+            let status = self.wait(|answer| match answer {
+                Answer::Status(status) => Some(status),
+                _ => None,
+            })?;
+            if let Some(status) = status {
+                return Ok(status);
+            }
+        }
+        Err(LinkError::Unanswered { what: "tell its status", attempts: ATTEMPTS, waited: ATTEMPTS * ATTEMPT })
+    }
+
+    /// Where the missing samples went, so far.
+    pub fn balance(&self) -> LossBalance {
+        self.shared.stream().ledger.balance()
+    }
+
+    /// Ends the stream and closes its balance with the device's own count. Take what [`Device::next`] still gives
+    /// before asking for the balance.
+    ///
+    /// # Errors
+    /// [`LinkError`] if the device does not answer; the balance then stays open.
+    pub fn end_stream(&mut self) -> Result<Status, LinkError> {
+        self.ask("end its stream", Command::Stream { on: false })?;
+        let status = self.status()?;
+        self.shared.stream().ledger.close(&status);
+        // Answers overtake samples in the device: wait for the last ones, or until nothing comes any more.
+        let (mut arrived, mut since) = (0, Instant::now());
+        loop {
+            let stream = self.shared.stream();
+            if stream.ledger.is_whole() {
+                break;
+            }
+            if stream.ledger.arrived() > arrived {
+                (arrived, since) = (stream.ledger.arrived(), Instant::now());
+            } else if since.elapsed() > STRAGGLERS {
+                break;
+            }
+            drop(stream);
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        self.shared.stream().on = false;
+        Ok(status)
+    }
+
+    /// Asks until it is answered.
+    fn ask(&mut self, what: &'static str, command: Command) -> Result<(), LinkError> {
+        let id = self.outgoing.fresh_id();
+        let request = ToDevice::Request { id, command };
+        for _ in 0..ATTEMPTS {
+            self.send(what, &request)?;
+            let answer = self.wait(|answer| match answer {
+                Answer::Done { id: answered, outcome } if answered == id => Some(outcome),
+                _ => None,
+            })?;
+            if let Some(outcome) = answer {
+                return outcome.map_err(|refusal: Box<Refusal>| LinkError::Refused { what, refusal });
+            }
+        }
+        Err(LinkError::Unanswered { what, attempts: ATTEMPTS, waited: ATTEMPTS * ATTEMPT })
+    }
+
+    fn send(&self, what: &'static str, message: &ToDevice) -> Result<(), LinkError> {
+        send(&self.shared, &self.outgoing, what, message)
+    }
+
+    fn wait<T>(&self, wanted: impl FnMut(Answer) -> Option<T>) -> Result<Option<T>, LinkError> {
+        wait(&self.shared, &self.answers, wanted)
+    }
+}
+
+impl Drop for Device {
+    fn drop(&mut self) {
+        // While heartbeats still go: the stop is what ends a motion, not their absence.
+        self.stopper().stop();
+        self.pulse = None;
+        drop(Closing { shared: &self.shared, reader: self.reader.take() });
+    }
+}
+
+/// Ends the reader when dropped.
+struct Closing<'a> {
+    shared: &'a Shared,
+    reader: Option<JoinHandle<()>>,
+}
+
+impl Closing<'_> {
+    fn keep(mut self) -> Option<JoinHandle<()>> {
+        self.reader.take()
+    }
+}
+
+impl Drop for Closing<'_> {
+    fn drop(&mut self) {
+        if let Some(reader) = self.reader.take() {
+            self.shared.closing.store(true, Relaxed);
+            // It looks at least every 50 ms; a panic in it was printed already.
+            let _ = reader.join();
+        }
+    }
+}
+
+/// Greets until the device answers, in our version.
+fn shake_hands(
+    shared: &Shared,
+    outgoing: &Outgoing,
+    answers: &Receiver<Answer>,
+    attempts: u32,
+) -> Result<Hello, LinkError> {
+    for _ in 0..attempts {
+        send(shared, outgoing, "shake hands", &ToDevice::Hello(Greeting::OURS))?;
+        let answer = wait(shared, answers, |answer| match answer {
+            Answer::Hello(hello) => Some(Ok(*hello)),
+            Answer::Stranger(theirs) => Some(Err(LinkError::Version { theirs, ours: Greeting::OURS })),
+            _ => None,
+        })?;
+        if let Some(hello) = answer {
+            return hello;
+        }
+    }
+    Err(LinkError::NoAnswer {
+        port: shared.port.clone(),
+        waited: attempts * ATTEMPT,
+        bytes: shared.bytes.load(Relaxed),
+        frames: shared.frames.load(Relaxed),
+        damaged: shared.damaged.load(Relaxed),
+    })
+}
+
+fn send(shared: &Shared, outgoing: &Outgoing, what: &'static str, message: &ToDevice) -> Result<(), LinkError> {
+    match outgoing.send(message) {
+        Ok(()) => Ok(()),
+        Err(Unsent::Stopping) => Err(LinkError::Stopping { what }),
+        // No room for a moment: as if lost on the line.
+        Err(Unsent::Io(error)) if error.kind() == std::io::ErrorKind::TimedOut => Ok(()),
+        Err(Unsent::Io(source)) => Err(LinkError::Gone { port: shared.port.clone(), source }),
+    }
+}
+
+/// Waits one attempt's time for a wanted answer; others are thrown away.
+fn wait<T>(
+    shared: &Shared,
+    answers: &Receiver<Answer>,
+    mut wanted: impl FnMut(Answer) -> Option<T>,
+) -> Result<Option<T>, LinkError> {
+    let until = Instant::now() + ATTEMPT;
+    loop {
+        match answers.recv_timeout(until.saturating_duration_since(Instant::now())) {
+            Ok(answer) => {
+                if let Some(found) = wanted(answer) {
+                    return Ok(Some(found));
+                }
+            }
+            Err(RecvTimeoutError::Timeout) => return Ok(None),
+            Err(RecvTimeoutError::Disconnected) => {
+                return Err(LinkError::Gone {
+                    port: shared.port.clone(),
+                    source: std::io::ErrorKind::BrokenPipe.into(),
+                });
+            }
+        }
+    }
+}

@@ -1,0 +1,215 @@
+//! A scripted device behind a pseudo-terminal: what it answers and sends is the test's to say.
+
+use std::io::{Read, Write};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use protocol::frame::Decoder;
+use protocol::message::{MAX_TO_HOST_FRAME, read_to_device, write_report, write_sample};
+use protocol::{
+    Command, Duty, EncoderInfo, GyroInfo, Hello, Identity, Layout, MotionId, Report, ResetReason, Sample, Side, State,
+    Status, ToDevice,
+};
+use serialport::{SerialPort, TTYPort};
+
+/// A peer that runs until dropped.
+pub struct Peer {
+    pub path: String,
+    pub heard: Receiver<ToDevice>,
+    over: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+}
+
+/// What the peer does with a message: bytes to send back.
+pub trait Script: Send + 'static {
+    fn hear(&mut self, message: &ToDevice, out: &mut Wire);
+    /// Called every millisecond or so.
+    fn tick(&mut self, _out: &mut Wire) {}
+}
+
+/// Bytes on their way to the host.
+#[derive(Default)]
+pub struct Wire(pub Vec<u8>);
+
+impl Wire {
+    pub fn report(&mut self, report: &Report) {
+        let mut frame = [0; MAX_TO_HOST_FRAME];
+        let n = write_report(report, &mut frame).unwrap();
+        self.0.extend(&frame[..n]);
+    }
+
+    pub fn sample(&mut self, sample: &Sample) {
+        let mut frame = [0; MAX_TO_HOST_FRAME];
+        let n = write_sample(sample, &Layout::DOGGY, &mut frame).unwrap();
+        self.0.extend(&frame[..n]);
+    }
+}
+
+impl Peer {
+    pub fn start(mut script: impl Script) -> Self {
+        let (mut port, slave) = TTYPort::pair().unwrap();
+        let path = slave.name().unwrap();
+        port.set_timeout(Duration::from_millis(1)).unwrap();
+        let over = Arc::new(AtomicBool::new(false));
+        let (hears, heard): (Sender<ToDevice>, _) = channel();
+        let end = Arc::clone(&over);
+        let thread = std::thread::spawn(move || {
+            let _slave = slave; // keeps the terminal alive until the host has opened it
+            let mut decoder = Decoder::<256>::new();
+            let mut bytes = [0; 512];
+            let mut out = Wire::default();
+            while !end.load(Relaxed) {
+                let n = port.read(&mut bytes).unwrap_or(0);
+                for byte in &bytes[..n] {
+                    if let Some(Ok(payload)) = decoder.feed(*byte) {
+                        let message = read_to_device(payload).unwrap();
+                        script.hear(&message, &mut out);
+                        let _ = hears.send(message);
+                    }
+                }
+                script.tick(&mut out);
+                if !out.0.is_empty() {
+                    let _ = port.write_all(&out.0);
+                    out.0.clear();
+                }
+            }
+        });
+        Self { path, heard, over, thread: Some(thread) }
+    }
+}
+
+impl Drop for Peer {
+    fn drop(&mut self) {
+        self.over.store(true, Relaxed);
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
+
+/// A handshake of Doggy.
+pub fn doggy() -> Hello {
+    let encoder = |joint| EncoderInfo { joint, side: Side::Motor, counts_per_turn: 1024, gear: 42.092, offset_us: 0 };
+    let gyro = |body| GyroInfo { body, rad_s_per_lsb: 0.001, saturated_at: 32_767, offset_us: 0 };
+    Hello {
+        identity: Identity::ours("0.1.0", "doggy"),
+        layout: Layout::DOGGY,
+        tick_us: 1000,
+        encoders: (0..3).map(encoder).collect(),
+        gyros: [gyro(0), gyro(2)].into_iter().collect(),
+        zero: Some([-5, 0, 70_000].into_iter().collect()),
+        reset: ResetReason::PowerOn,
+        panic: None,
+    }
+}
+
+/// What becomes of the frame of a sample, by its number; `false` for "never sent by the device".
+pub type Fate = Box<dyn FnMut(u32, &mut Vec<u8>) -> bool + Send>;
+
+/// A well-behaved device that keeps its counts, with faults to order.
+pub struct Doggy {
+    pub hello: Hello,
+    pub seq: u32,
+    pub streaming: bool,
+    pub first_seq: u32,
+    pub end_seq: u32,
+    pub dropped: u32,
+    pub fate: Fate,
+    /// Answers to requests that are lost before one gets through.
+    pub deaf: u32,
+    pub lost_answers: u32,
+    pub acted: Vec<Command>,
+    pub memory: protocol::request::Memory,
+    pub samples_per_tick: u32,
+}
+
+impl Default for Doggy {
+    fn default() -> Self {
+        Self {
+            hello: doggy(),
+            seq: u32::MAX - 100,
+            streaming: false,
+            first_seq: 0,
+            end_seq: 0,
+            dropped: 0,
+            fate: Box::new(|_, _| true),
+            deaf: 0,
+            lost_answers: 0,
+            acted: Vec::new(),
+            memory: protocol::request::Memory::new(),
+            samples_per_tick: 1,
+        }
+    }
+}
+
+impl Doggy {
+    fn status(&self) -> Status {
+        Status {
+            state: State::Idle,
+            streaming: self.streaming,
+            first_seq: self.first_seq,
+            end_seq: if self.streaming { self.seq } else { self.end_seq },
+            dropped: self.dropped,
+            motion: MotionId::NONE,
+            last_end: None,
+        }
+    }
+}
+
+impl Script for Doggy {
+    fn hear(&mut self, message: &ToDevice, out: &mut Wire) {
+        match message {
+            ToDevice::Hello(_) => {
+                self.memory.forget();
+                out.report(&Report::Hello(self.hello.clone()));
+            }
+            ToDevice::Heartbeat(beat) => out.report(&Report::HeartbeatSeen { count: beat.count, t_us: 0 }),
+            ToDevice::Request { id, command } => {
+                let mut memory = self.memory;
+                let answer = memory.answer(*id, || {
+                    self.acted.push(command.clone());
+                    match command {
+                        Command::Stream { on: true } => {
+                            (self.streaming, self.first_seq, self.dropped) = (true, self.seq, 0);
+                        }
+                        Command::Stream { on: false } => (self.streaming, self.end_seq) = (false, self.seq),
+                        Command::Status => out.report(&Report::Status(self.status())),
+                        _ => {}
+                    }
+                    Ok(())
+                });
+                self.memory = memory;
+                if self.deaf < self.lost_answers {
+                    self.deaf += 1;
+                    return;
+                }
+                self.deaf = 0;
+                out.report(&match answer {
+                    Ok(()) => Report::Accepted { id: *id },
+                    Err(refusal) => Report::Refused { id: *id, refusal },
+                });
+            }
+        }
+    }
+
+    fn tick(&mut self, out: &mut Wire) {
+        for _ in 0..self.samples_per_tick {
+            if self.streaming {
+                let mut duty = [Duty::ZERO; 7];
+                duty[0] = Duty(1500);
+                let t_us = self.seq.wrapping_mul(1000);
+                let sample = Sample { seq: self.seq, t_us, duty, ..Sample::default() };
+                let mut one = Wire::default();
+                one.sample(&sample);
+                match (self.fate)(self.seq, &mut one.0) {
+                    true => out.0.extend(one.0),
+                    false => self.dropped += 1,
+                }
+            }
+            self.seq = self.seq.wrapping_add(1);
+        }
+    }
+}
