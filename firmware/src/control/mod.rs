@@ -144,16 +144,19 @@ impl ControlLoop {
         let in_force = self.preloaded;
         let mut flags = self.sensors.read(inputs, &self.joints, &in_force);
 
-        let asked_stop = self.take_messages(now, inputs, ends);
-        let fault = self.find_fault(now_us, inputs, timing);
-        let faulted = fault.is_some_and(|fault| self.raise(now, fault, ends));
-        let stop = asked_stop || faulted;
+        let was_busy = self.busy();
+        self.take_messages(now, inputs, ends);
+        if let Some(fault) = self.find_fault(now_us, inputs, timing) {
+            self.raise(now, fault, ends);
+        }
+        // Whatever ended the motion, the duty preloaded for this tick must not stay in force.
+        let stopped = was_busy && !self.busy();
 
         let (phase, asked) = self.play(now, ends);
         let (duty, limits) = self.lower(asked);
         self.preloaded = duty;
 
-        flags.set(Flags::STOPPED, stop);
+        flags.set(Flags::STOPPED, stopped);
         flags.set(Flags::OVERRUN, timing.overrun);
         flags.set(Flags::ZEROED, self.sensors.zero.is_some());
         flags.set(Flags::FAULT, self.fault.is_some());
@@ -163,7 +166,7 @@ impl ControlLoop {
             t_us: now_us,
             encoders: self.sensors.counts,
             gyros: self.sensors.words,
-            duty: if stop { [Duty::ZERO; MAX_JOINTS] } else { in_force },
+            duty: if stopped { [Duty::ZERO; MAX_JOINTS] } else { in_force },
             motion: if phase.is_some() { self.motion_id } else { MotionId::NONE },
             phase: phase.unwrap_or(NO_PHASE),
             flags: flags | limits,
@@ -171,7 +174,7 @@ impl ControlLoop {
             jitter_us: timing.jitter_us.clamp(i8::MIN.into(), i8::MAX.into()) as i8,
         };
         self.stream.offer(sample, ends);
-        Outputs { duty, stop: stop || self.fault.is_some() }
+        Outputs { duty, stop: stopped || self.fault.is_some() }
     }
 
     /// What the loop is doing.
@@ -199,9 +202,8 @@ impl ControlLoop {
         !matches!(self.activity, Activity::Idle)
     }
 
-    /// Takes messages from the host; true if a motion was stopped by one.
-    fn take_messages(&mut self, now: Now, inputs: &Inputs, ends: &mut TickEnds<'_>) -> bool {
-        let mut stop = false;
+    /// Takes messages from the host.
+    fn take_messages(&mut self, now: Now, inputs: &Inputs, ends: &mut TickEnds<'_>) {
         for _ in 0..MESSAGES_PER_TICK {
             match ends.commands.dequeue() {
                 None => break,
@@ -215,14 +217,11 @@ impl ControlLoop {
                     reply(Reply::HeartbeatSeen { count: heartbeat.count, t_us: now.t_us }, ends);
                 }
                 Some(ToDevice::Request { id, command }) => {
-                    let was_busy = self.busy();
                     self.answer(now, id, command, inputs, ends);
-                    stop = was_busy && !self.busy();
                     break;
                 }
             }
         }
-        stop
     }
 
     /// What speaks against moving in this tick, the gravest first.
@@ -243,26 +242,25 @@ impl ControlLoop {
         stop.or(inputs.brown_out.then_some(Fault::BrownOut))
     }
 
-    /// A joint beyond its limit by more than it may be.
+    /// A joint beyond its limit by more than it may be, if it is known where the joints are.
     fn limit_fault(&self) -> Option<Fault> {
+        self.sensors.zero?;
         let mut joints = (0u8..).zip(self.joints.iter().zip(&self.sensors.positions));
         joints
             .find(|(_, (joint, position))| joint.envelope.beyond(**position) > joint.envelope.overtravel_counts)
             .map(|(joint, _)| Fault::JointLimit { joint })
     }
 
-    /// Latches a fault and ends the motion; true if it is a new one.
-    fn raise(&mut self, now: Now, fault: Fault, ends: &mut TickEnds<'_>) -> bool {
+    /// Latches a fault and ends the motion. The first fault stays until it is cleared.
+    fn raise(&mut self, now: Now, fault: Fault, ends: &mut TickEnds<'_>) {
         if matches!(fault, Fault::EncoderJump { .. }) {
             self.sensors.forget_zero();
         }
-        if self.fault.is_some() {
-            return false;
+        if self.fault.is_none() {
+            self.fault = Some(fault);
+            self.tell(now, EventKind::FaultRaised(fault), ends);
+            self.end_motion(now, MotionEnd::Fault(fault), ends);
         }
-        self.fault = Some(fault);
-        self.tell(now, EventKind::FaultRaised(fault), ends);
-        self.end_motion(now, MotionEnd::Fault(fault), ends);
-        true
     }
 
     /// Ends the motion, if there is one.

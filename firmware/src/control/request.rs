@@ -7,7 +7,7 @@
 //!     ╰──────────────── ClearFault ─────────────── Fault ◀─────────╯
 //! ```
 
-use protocol::motion::{Limits, Motion, Segment};
+use protocol::motion::{Header, Limits, Segment};
 use protocol::request::{Command, Status};
 use protocol::{EventKind, Fault, MAX_JOINTS, MotionEnd, MotionError, MotionId, Refusal};
 
@@ -52,9 +52,7 @@ impl ControlLoop {
             }
             Command::Status => Ok(()),
             Command::SetZero => self.set_zero(now, ends),
-            Command::UploadBegin { motion, header, segments } => {
-                self.begin_upload(motion, Motion::new(header), segments)
-            }
+            Command::UploadBegin { motion, header, segments } => self.begin_upload(motion, header, segments),
             Command::UploadSegment { index, segment } => self.take_segment(index, segment),
             Command::UploadEnd { checksum } => self.end_upload(checksum),
             Command::Start { motion, at_seq } => self.start(now, motion, at_seq, inputs),
@@ -89,19 +87,20 @@ impl ControlLoop {
         Ok(())
     }
 
-    fn begin_upload(&mut self, id: MotionId, motion: Motion, segments: u8) -> Result<(), Refusal> {
+    fn begin_upload(&mut self, id: MotionId, header: Header, segments: u8) -> Result<(), Refusal> {
         self.not_busy()?;
         self.motion_id = MotionId::NONE;
         self.upload = Upload::None;
+        // In place: a motion is too large to pass over the stack.
+        self.motion.segments.clear();
+        (self.motion.name, self.motion.stages, self.motion.gain) = (header.name, header.stages, header.gain);
         let (limits, joints) = self.limits();
         // Without segments everything else must be right.
-        match motion.validate(&limits[..joints]) {
+        match self.motion.validate(&limits[..joints]) {
             Ok(()) | Err(MotionError::Empty) => {}
             Err(error) => return Err(Refusal::Motion(error)),
         }
-        let checksum = motion.checksum();
-        self.motion = motion;
-        self.upload = Upload::Under { motion: id, segments, checksum };
+        self.upload = Upload::Under { motion: id, segments, checksum: self.motion.checksum() };
         Ok(())
     }
 

@@ -56,7 +56,7 @@ impl Sensors {
         }
     }
 
-    /// Takes the readings of a tick; `in_force` is the duty of the period before it.
+    /// Takes the readings of a tick; `in_force` is the duty that drives the joints.
     pub fn read(&mut self, inputs: &Inputs, joints: &[Joint], in_force: &[Duty; MAX_JOINTS]) -> Flags {
         let mut flags = Flags::empty();
         for (index, watch) in self.encoders.iter_mut().enumerate() {
@@ -116,7 +116,8 @@ impl Sensors {
     /// Whether every sensor answers and every joint is at rest.
     pub fn quiet(&self, joints: &[Joint]) -> bool {
         let at_rest = |(joint, speed): (&Joint, &i32)| speed.unsigned_abs() <= joint.quiet_counts_per_s.unsigned_abs();
-        self.fault().is_none() && joints.iter().zip(&self.speeds).all(at_rest)
+        let heard = self.encoder_verdicts.iter().all(|verdict| *verdict == Verdict::Good);
+        heard && self.fault().is_none() && joints.iter().zip(&self.speeds).all(at_rest)
     }
 
     /// Takes the present counts as zero.

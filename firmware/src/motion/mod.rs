@@ -1,6 +1,7 @@
 //! Motions: how the player turns uploaded segments into duties, and the presets of the paper.
 
 mod player;
+pub mod preset;
 mod sine;
 
 pub use player::{Player, Positions, Step};

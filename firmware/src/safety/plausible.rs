@@ -71,8 +71,8 @@ impl EncoderWatch {
         EncoderWatch { bounds, last: None, unmoved: 0, missing: 0 }
     }
 
-    /// Takes the counts of this tick, or `None` if there are none, and the duty (steps of 10⁻⁴) that was in force
-    /// before it.
+    /// Takes the counts of this tick, or `None` if there are none, and the duty (steps of 10⁻⁴) that drives
+    /// its joint.
     pub fn check(&mut self, counts: Option<i32>, duty_in_force: i16) -> Verdict {
         let Some(counts) = counts else {
             self.missing = self.missing.saturating_add(1);

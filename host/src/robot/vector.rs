@@ -1,5 +1,7 @@
 //! Vectors and rotations of three dimensions over any scalar: plain arrays, no heap.
 
+use std::ops::{Add, AddAssign, Mul, Neg, Sub, SubAssign};
+
 use num_dual::DualNum;
 
 /// A vector of three components.
@@ -11,48 +13,71 @@ pub type Matrix3 = [[f64; 3]; 3];
 pub trait Scalar: DualNum<Primitive = f64> + Copy {}
 impl<T: DualNum<Primitive = f64> + Copy> Scalar for T {}
 
+/// What a chain needs of its scalar: every [`Scalar`] has it, and so has [`Lanes`](super::chain::Lanes).
+pub trait Arithmetic:
+    Copy
+    + From<f64>
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + Mul<f64, Output = Self>
+    + Neg<Output = Self>
+    + AddAssign
+    + SubAssign
+{
+    /// Sine and cosine.
+    fn sin_cos(self) -> (Self, Self);
+}
+
+impl<T: Scalar> Arithmetic for T {
+    #[inline(always)]
+    fn sin_cos(self) -> (Self, Self) {
+        DualNum::sin_cos(&self)
+    }
+}
+
 pub(super) const IDENTITY: Matrix3 = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 
 #[inline(always)]
-pub(super) fn add<T: Scalar>(a: [T; 3], b: [T; 3]) -> [T; 3] {
+pub(super) fn add<T: Arithmetic>(a: [T; 3], b: [T; 3]) -> [T; 3] {
     [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
 }
 
 #[inline(always)]
-pub(super) fn scale<T: Scalar>(a: [T; 3], s: T) -> [T; 3] {
+pub(super) fn scale<T: Arithmetic>(a: [T; 3], s: T) -> [T; 3] {
     [a[0] * s, a[1] * s, a[2] * s]
 }
 
 #[inline(always)]
-pub(super) fn dot<T: Scalar>(a: [T; 3], b: [T; 3]) -> T {
+pub(super) fn dot<T: Arithmetic>(a: [T; 3], b: [T; 3]) -> T {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 #[inline(always)]
-pub(super) fn cross<T: Scalar>(a: [T; 3], b: [T; 3]) -> [T; 3] {
+pub(super) fn cross<T: Arithmetic>(a: [T; 3], b: [T; 3]) -> [T; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
 /// a × b with a constant b.
 #[inline(always)]
-pub(super) fn cross_constant<T: Scalar>(a: [T; 3], b: Vector3) -> [T; 3] {
+pub(super) fn cross_constant<T: Arithmetic>(a: [T; 3], b: Vector3) -> [T; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
 /// m v with a constant m.
 #[inline(always)]
-pub(super) fn apply<T: Scalar>(m: &Matrix3, v: [T; 3]) -> [T; 3] {
+pub(super) fn apply<T: Arithmetic>(m: &Matrix3, v: [T; 3]) -> [T; 3] {
     std::array::from_fn(|i| v[0] * m[i][0] + v[1] * m[i][1] + v[2] * m[i][2])
 }
 
 /// mᵀ v with a constant m.
 #[inline(always)]
-pub(super) fn apply_transposed<T: Scalar>(m: &Matrix3, v: [T; 3]) -> [T; 3] {
+pub(super) fn apply_transposed<T: Arithmetic>(m: &Matrix3, v: [T; 3]) -> [T; 3] {
     std::array::from_fn(|i| v[0] * m[0][i] + v[1] * m[1][i] + v[2] * m[2][i])
 }
 
 #[inline(always)]
-pub(super) fn constant<T: Scalar>(v: Vector3) -> [T; 3] {
+pub(super) fn constant<T: Arithmetic>(v: Vector3) -> [T; 3] {
     v.map(T::from)
 }
 

@@ -68,10 +68,12 @@ impl Track {
 }
 
 /// Runs the filter with the process noise of [`CANDIDATES`] that makes the readings most likely.
-pub fn run<S: System + Sync>(system: &S, columns: &Columns<'_>) -> Track {
+pub fn run<S: System>(system: &S, columns: &Columns<'_>) -> Track {
     let tracks: Vec<Track> = std::thread::scope(|scope| {
-        let handles = CANDIDATES
-            .map(|velocity_sigma| scope.spawn(move || run_with(system, columns, ProcessNoise { velocity_sigma })));
+        let handles = CANDIDATES.map(|velocity_sigma| {
+            let own = system.clone();
+            scope.spawn(move || run_with(&own, columns, ProcessNoise { velocity_sigma }))
+        });
         handles.into_iter().map(|h| h.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))).collect()
     });
     tracks
@@ -126,7 +128,7 @@ pub fn run_with<S: System>(system: &S, columns: &Columns<'_>, noise: ProcessNois
 }
 
 struct Filter<'a, S> {
-    system: &'a S,
+    system: S,
     noise: ProcessNoise,
     period_s: f64,
     sigma: &'a [f64],
@@ -160,7 +162,7 @@ impl<'a, S: System> Filter<'a, S> {
         let (n, m) = (system.states(), system.outputs());
         let peak = |u: &&[f64]| u.iter().fold(0.0, |peak: f64, u| peak.max(u.abs()));
         Self {
-            system,
+            system: system.clone(),
             noise,
             period_s: columns.period_s,
             sigma: &columns.sigma,

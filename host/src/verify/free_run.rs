@@ -3,50 +3,56 @@
 //! Friction decides where a robot stops, so positions drift in open loop even under the right model; velocities should
 //! not. Across a gap the input is not known: the run starts again after it, from what the filter knows there.
 
-use super::filter::Track;
+use std::ops::Range;
+
+use super::filter::{BRIDGED_S, Track};
 use super::system::{Columns, System};
 
 /// A free run over a whole recording.
 #[derive(Debug, Clone)]
 pub struct FreeRun {
-    /// `[channel][k]`: predicted, NaN where the run had not started again yet.
+    /// The samples that were predicted, piece by piece.
+    pub pieces: Vec<Range<usize>>,
+    /// `[channel][k]`: predicted, NaN outside the pieces.
     pub outputs: Vec<Vec<f64>>,
     /// `[state][k]`, likewise.
     pub states: Vec<Vec<f64>>,
-    /// Times that a gap made it start again.
-    pub restarts: usize,
-    /// Samples between a gap and the new start, which are not predicted.
+    /// Samples between a start or a gap and the first one predicted.
     pub left_out: usize,
 }
 
 /// Runs from `first` at sample 0, and after each gap from the first state of `track` that is settled (after a gap that
-/// the filter bridged: at once).
-pub fn run<S: System>(system: &S, columns: &Columns<'_>, first: &[f64], track: &Track) -> FreeRun {
+/// the filter bridged: at once). Without `first` the run begins as after a long gap.
+pub fn run<S: System>(system: &S, columns: &Columns<'_>, first: Option<&[f64]>, track: &Track) -> FreeRun {
     let n = columns.len();
+    let mut system = system.clone();
     let mut run = FreeRun {
+        pieces: Vec::new(),
         outputs: vec![vec![f64::NAN; n]; system.outputs()],
         states: vec![vec![f64::NAN; n]; system.states()],
-        restarts: 0,
         left_out: 0,
     };
-    let mut x = first.to_vec();
+    let mut x = vec![0.0; system.states()];
     let mut next = vec![0.0; system.states()];
     let mut outputs = vec![0.0; system.outputs()];
     let mut u = vec![0.0; columns.duty.len()];
     for (number, segment) in columns.segments.iter().enumerate() {
         let mut from = segment.start;
-        if number > 0 {
-            let bridged = columns.t_s[from] - columns.t_s[from - 1] <= super::filter::BRIDGED_S;
-            if !bridged {
-                from = segment.clone().find(|&k| track.is_settled(k)).unwrap_or(segment.end);
+        match first {
+            Some(first) if number == 0 => x.copy_from_slice(first),
+            _ => {
+                let bridged = number > 0 && columns.t_s[from] - columns.t_s[from - 1] <= BRIDGED_S;
+                if !bridged {
+                    from = segment.clone().find(|&k| track.is_settled(k)).unwrap_or(segment.end);
+                }
+                run.left_out += from - segment.start;
+                if from == segment.end {
+                    continue;
+                }
+                x.copy_from_slice(track.state(from));
             }
-            run.left_out += from - segment.start;
-            if from == segment.end {
-                continue;
-            }
-            run.restarts += 1;
-            x.copy_from_slice(track.state(from));
         }
+        run.pieces.push(from..segment.end);
         for k in from..segment.end {
             system.outputs_of(&x, &mut outputs);
             for (column, value) in run.outputs.iter_mut().zip(&outputs) {

@@ -33,12 +33,12 @@ pub struct Errors {
 }
 
 impl Errors {
-    /// Adds a pair; pairs with a NaN (no valid reading) do not count.
+    /// Adds a pair. A measured NaN (no valid reading) does not count; a predicted one spoils the sum, as it should.
     pub fn add(&mut self, measured: f64, predicted: f64) {
-        let difference = measured - predicted;
-        if difference.is_nan() {
+        if measured.is_nan() {
             return;
         }
+        let difference = measured - predicted;
         self.count += 1;
         self.squares += difference * difference;
         let from_mean = measured - self.mean;

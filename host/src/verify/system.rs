@@ -5,7 +5,8 @@ use std::ops::Range;
 /// A system x_{k+1} = f(x_k, u_k, Δt), z_k = h(x_k) with Jacobians.
 ///
 /// All slices have the lengths that [`states`](Self::states) and [`outputs`](Self::outputs) say; matrices are row-major.
-pub trait System {
+/// Methods take `&mut self` for scratch space only: the same arguments give the same result. Each thread has a clone.
+pub trait System: Clone + Send {
     /// Number of states.
     fn states(&self) -> usize;
 
@@ -13,23 +14,23 @@ pub trait System {
     fn outputs(&self) -> usize;
 
     /// The state after `dt_s` seconds under the constant input `u`.
-    fn step(&self, x: &[f64], u: &[f64], dt_s: f64, next: &mut [f64]);
+    fn step(&mut self, x: &[f64], u: &[f64], dt_s: f64, next: &mut [f64]);
 
     /// [`Self::step`] with ∂next/∂x (states × states).
-    fn step_jacobian(&self, x: &[f64], u: &[f64], dt_s: f64, next: &mut [f64], jacobian: &mut [f64]);
+    fn step_jacobian(&mut self, x: &[f64], u: &[f64], dt_s: f64, next: &mut [f64], jacobian: &mut [f64]);
 
     /// The outputs without noise.
-    fn outputs_of(&self, x: &[f64], outputs: &mut [f64]);
+    fn outputs_of(&mut self, x: &[f64], outputs: &mut [f64]);
 
     /// [`Self::outputs_of`] with ∂outputs/∂x (outputs × states).
-    fn outputs_jacobian(&self, x: &[f64], outputs: &mut [f64], jacobian: &mut [f64]);
+    fn outputs_jacobian(&mut self, x: &[f64], outputs: &mut [f64], jacobian: &mut [f64]);
 
     /// Whether state i is a velocity: where the world pushes, and where process noise therefore enters.
     fn is_velocity(&self, state: usize) -> bool;
 
     /// What is known of the state from the readings of one tick alone (NaN: no reading): mean, and standard deviation
     /// of each state.
-    fn first_guess(&self, readings: &[f64]) -> (Vec<f64>, Vec<f64>);
+    fn first_guess(&mut self, readings: &[f64]) -> (Vec<f64>, Vec<f64>);
 }
 
 /// A recording as columns of numbers.

@@ -8,6 +8,7 @@ use super::system::{Columns, System};
 use super::window;
 
 /// ẍ = −ω² x + u, exactly discretised; outputs: position and velocity.
+#[derive(Clone, Copy)]
 struct Oscillator {
     omega: f64,
 }
@@ -28,23 +29,23 @@ impl System for Oscillator {
         2
     }
 
-    fn step(&self, x: &[f64], u: &[f64], dt_s: f64, next: &mut [f64]) {
+    fn step(&mut self, x: &[f64], u: &[f64], dt_s: f64, next: &mut [f64]) {
         let rest = u[0] / (self.omega * self.omega);
         let [a, b, c, d] = self.transition(dt_s);
         next[0] = rest + a * (x[0] - rest) + b * x[1];
         next[1] = c * (x[0] - rest) + d * x[1];
     }
 
-    fn step_jacobian(&self, x: &[f64], u: &[f64], dt_s: f64, next: &mut [f64], jacobian: &mut [f64]) {
+    fn step_jacobian(&mut self, x: &[f64], u: &[f64], dt_s: f64, next: &mut [f64], jacobian: &mut [f64]) {
         self.step(x, u, dt_s, next);
         jacobian.copy_from_slice(&self.transition(dt_s));
     }
 
-    fn outputs_of(&self, x: &[f64], outputs: &mut [f64]) {
+    fn outputs_of(&mut self, x: &[f64], outputs: &mut [f64]) {
         outputs.copy_from_slice(x);
     }
 
-    fn outputs_jacobian(&self, x: &[f64], outputs: &mut [f64], jacobian: &mut [f64]) {
+    fn outputs_jacobian(&mut self, x: &[f64], outputs: &mut [f64], jacobian: &mut [f64]) {
         outputs.copy_from_slice(x);
         jacobian.copy_from_slice(&[1.0, 0.0, 0.0, 1.0]);
     }
@@ -53,7 +54,7 @@ impl System for Oscillator {
         state == 1
     }
 
-    fn first_guess(&self, _: &[f64]) -> (Vec<f64>, Vec<f64>) {
+    fn first_guess(&mut self, _: &[f64]) -> (Vec<f64>, Vec<f64>) {
         (vec![0.0; 2], vec![1.0, 10.0])
     }
 }
@@ -71,7 +72,7 @@ struct Data {
 
 /// `n` ticks; the ticks of `missing` are lost. `push`: standard deviation of a random change of the velocity per tick.
 fn data(n: usize, missing: &[Range<usize>], push: f64) -> Data {
-    let system = Oscillator { omega: 12.0 };
+    let mut system = Oscillator { omega: 12.0 };
     let mut noise = Normal(20_160_000);
     let mut x = [0.3, 0.0];
     let mut d = Data { t: vec![], duty: vec![], truth: [vec![], vec![]], measured: [vec![], vec![]], segments: vec![] };
@@ -213,8 +214,8 @@ fn the_free_run_starts_again_after_gaps() {
     let columns = d.columns();
     let track = filter::run_with(&system, &columns, ProcessNoise { velocity_sigma: 1e-6 });
     let first = [d.truth[0][0], d.truth[1][0]];
-    let run = free_run::run(&system, &columns, &first, &track);
-    assert_eq!(run.restarts, 2);
+    let run = free_run::run(&system, &columns, Some(&first), &track);
+    assert_eq!(run.pieces, [0..3000, 3000..5999, 6099..9599]);
     assert_eq!(run.left_out, 100, "the filter's settling after the long gap");
     for k in 0..columns.len() {
         let predicted = run.outputs[1][k];

@@ -81,7 +81,7 @@ enum Reached {
 
 /// One open-loop run.
 struct Run<'a, S> {
-    system: &'a S,
+    system: S,
     columns: &'a Columns<'a>,
     at: usize,
     x: Vec<f64>,
@@ -91,9 +91,9 @@ struct Run<'a, S> {
 }
 
 impl<'a, S: System> Run<'a, S> {
-    fn new(system: &'a S, columns: &'a Columns<'_>) -> Self {
+    fn new(system: &S, columns: &'a Columns<'_>) -> Self {
         Self {
-            system,
+            system: system.clone(),
             columns,
             at: 0,
             x: vec![0.0; system.states()],

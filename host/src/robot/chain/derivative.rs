@@ -1,13 +1,9 @@
-//! M(q) and the derivatives of the link equation's left side, for an estimator.
+//! The derivatives of the link equation's left side, for an estimator.
 
-use nalgebra::{Const, SVector};
-use num_dual::{Derivative, DualSVec64};
+use super::{Chain, Lanes, MAX_JOINTS};
 
-use super::{Chain, MAX_JOINTS};
-
-/// Directions carried by one pass.
-const LANES: usize = 3;
-type Lanes = DualSVec64<LANES>;
+/// Directions carried by one pass: one pass for the usual three joints.
+const WIDTH: usize = 3;
 
 impl Chain {
     /// The torque τ = [`Self::link_torque`] and its derivatives at constant q̈.
@@ -23,40 +19,40 @@ impl Chain {
         by_q: &mut [f64],
         by_qd: &mut [f64],
     ) {
-        self.link_torque(q, qd, qdd, tau);
-        self.columns(q, qd, qdd, Wrt::Position, by_q);
+        self.slopes(q, qd, qdd, Wrt::Position, tau, by_q);
         if self.coriolis {
-            self.columns(q, qd, qdd, Wrt::Speed, by_qd);
+            self.slopes(q, qd, qdd, Wrt::Speed, tau, by_qd);
         } else {
             by_qd.fill(0.0);
         }
     }
 
-    fn columns(&self, q: &[f64], qd: &[f64], qdd: &[f64], wrt: Wrt, out: &mut [f64]) {
+    fn slopes(&self, q: &[f64], qd: &[f64], qdd: &[f64], wrt: Wrt, tau: &mut [f64], out: &mut [f64]) {
         let n = self.links.len();
-        let constant = |v: &[f64]| -> [Lanes; MAX_JOINTS] {
-            std::array::from_fn(|i| Lanes::from(v.get(i).copied().unwrap_or(0.0)))
+        let constant = |v: &[f64]| {
+            let mut lanes = [Lanes::<WIDTH>::from(0.0); MAX_JOINTS];
+            for (lane, value) in lanes.iter_mut().zip(v) {
+                lane.re = *value;
+            }
+            lanes
         };
         let qdd = constant(qdd);
-        for first in (0..n).step_by(LANES) {
+        for first in (0..n).step_by(WIDTH) {
             let mut q = constant(q);
             let mut qd = constant(qd);
             let varied = match wrt {
                 Wrt::Position => &mut q,
                 Wrt::Speed => &mut qd,
             };
-            for lane in 0..LANES.min(n - first) {
-                let mut unit = SVector::<f64, LANES>::zeros();
-                unit[lane] = 1.0;
-                varied[first + lane].eps = Derivative::some(unit);
+            let width = WIDTH.min(n - first);
+            for lane in 0..width {
+                varied[first + lane].slope[lane] = 1.0;
             }
-            let mut tau = [Lanes::from(0.0); MAX_JOINTS];
-            self.link_torque(&q[..n], &qd[..n], &qdd[..n], &mut tau[..n]);
-            for (i, tau) in tau[..n].iter().enumerate() {
-                let slope = tau.eps.unwrap_generic(Const::<LANES>, Const::<1>);
-                for lane in 0..LANES.min(n - first) {
-                    out[i * n + first + lane] = slope[lane];
-                }
+            let mut torque = [Lanes::from(0.0); MAX_JOINTS];
+            self.link_torque(&q[..n], &qd[..n], &qdd[..n], &mut torque[..n]);
+            for (i, torque) in torque[..n].iter().enumerate() {
+                tau[i] = torque.re;
+                out[i * n + first..][..width].copy_from_slice(&torque.slope[..width]);
             }
         }
     }

@@ -1,6 +1,6 @@
 //! Mass matrix and joint torques.
 
-use super::super::vector::{Scalar, add, constant, cross, cross_constant, dot, scale};
+use super::super::vector::{Arithmetic, add, constant, cross, cross_constant, dot, scale};
 use super::{Chain, GravityLoad, JointKind, Link, MAX_JOINTS, Symmetric};
 
 /// Motion of a link at its origin, in its own axes.
@@ -20,7 +20,7 @@ struct Wrench<T> {
 
 impl Chain {
     /// Joint-space mass matrix M(q), n×n by rows, kg m² (kg, kg m for prismatic joints).
-    pub fn mass_matrix<T: Scalar>(&self, q: &[T], m: &mut [T]) {
+    pub fn mass_matrix<T: Arithmetic>(&self, q: &[T], m: &mut [T]) {
         let n = self.links.len();
         let mut turns = [(T::from(0.0), T::from(1.0)); MAX_JOINTS];
         for (i, link) in self.links.iter().enumerate() {
@@ -53,12 +53,12 @@ impl Chain {
     /// Inverse dynamics without gravity: τ = M(q) q̈ + c(q, q̇).
     ///
     /// `qd`: speeds, or `None` to leave Coriolis and centrifugal terms out. Slices hold one value a joint; N m or N.
-    pub fn inverse_dynamics<T: Scalar>(&self, q: &[T], qd: Option<&[T]>, qdd: &[T], tau: &mut [T]) {
+    pub fn inverse_dynamics<T: Arithmetic>(&self, q: &[T], qd: Option<&[T]>, qdd: &[T], tau: &mut [T]) {
         self.newton_euler(0, Motion::rest(), q, qd, Some(qdd), tau);
     }
 
     /// Gravity torque g(q): what the joints have to hold. Zero where gravity is compensated.
-    pub fn gravity_torque<T: Scalar>(&self, q: &[T], tau: &mut [T]) {
+    pub fn gravity_torque<T: Arithmetic>(&self, q: &[T], tau: &mut [T]) {
         self.newton_euler(0, self.free_fall(), q, None, None, tau);
         for (link, tau) in self.links.iter().zip(tau) {
             if link.gravity == GravityLoad::Compensated {
@@ -68,7 +68,7 @@ impl Chain {
     }
 
     /// Everything that the description puts on the joints: τ = M(q) q̈ [+ c(q, q̇)] [+ g(q)].
-    pub fn link_torque<T: Scalar>(&self, q: &[T], qd: &[T], qdd: &[T], tau: &mut [T]) {
+    pub fn link_torque<T: Arithmetic>(&self, q: &[T], qd: &[T], qdd: &[T], tau: &mut [T]) {
         self.inverse_dynamics(q, self.coriolis.then_some(qd), qdd, tau);
         if self.has_gravity() {
             let mut gravity = [T::from(0.0); MAX_JOINTS];
@@ -80,7 +80,7 @@ impl Chain {
     }
 
     /// The torques besides M(q) q̈: [c(q, q̇)] [+ g(q)]. Costs nothing where the description has neither.
-    pub fn bias_torque<T: Scalar>(&self, q: &[T], qd: &[T], tau: &mut [T]) {
+    pub fn bias_torque<T: Arithmetic>(&self, q: &[T], qd: &[T], tau: &mut [T]) {
         tau.fill(T::from(0.0));
         if self.has_gravity() {
             self.gravity_torque(q, tau);
@@ -95,14 +95,14 @@ impl Chain {
     }
 
     /// A base that falls upwards loads the bodies as gravity does.
-    fn free_fall<T: Scalar>(&self) -> Motion<T> {
+    fn free_fall<T: Arithmetic>(&self) -> Motion<T> {
         Motion { linear: constant(self.gravity_m_s2.map(|g| -g)), ..Motion::rest() }
     }
 
     /// Recursive Newton–Euler from link `i` outwards; returns what the outer chain asks of link `i − 1`, in its axes.
     ///
     /// The recursion is as deep as the chain, at most [`MAX_JOINTS`].
-    fn newton_euler<T: Scalar>(
+    fn newton_euler<T: Arithmetic>(
         &self,
         i: usize,
         previous: Motion<T>,
@@ -162,7 +162,7 @@ impl Chain {
 impl Link {
     /// Newton and Euler at the link's origin: f = m a + α × h + ω × (ω × h), n = I α + ω × I ω + h × a.
     #[inline(always)]
-    fn needs<T: Scalar>(&self, motion: &Motion<T>, with_rate: bool) -> Wrench<T> {
+    fn needs<T: Arithmetic>(&self, motion: &Motion<T>, with_rate: bool) -> Wrench<T> {
         let h = self.first_moment;
         let mut force = add(scale(motion.linear, T::from(self.mass_kg)), cross_constant(motion.angular, h));
         let along = cross_constant(motion.linear, h);
@@ -178,14 +178,14 @@ impl Link {
     }
 }
 
-impl<T: Scalar> Motion<T> {
+impl<T: Arithmetic> Motion<T> {
     fn rest() -> Self {
         let zero = [T::from(0.0); 3];
         Self { rate: zero, angular: zero, linear: zero }
     }
 }
 
-impl<T: Scalar> Wrench<T> {
+impl<T: Arithmetic> Wrench<T> {
     /// The same wrench at the previous link's origin and in its axes.
     #[inline(always)]
     fn on_previous(&self, link: &Link, turn: (T, T), q: T) -> Self {
@@ -203,7 +203,7 @@ struct Composite<T> {
     inertia: Symmetric<T>,
 }
 
-impl<T: Scalar> Composite<T> {
+impl<T: Arithmetic> Composite<T> {
     fn nothing() -> Self {
         let zero = T::from(0.0);
         let inertia = Symmetric { xx: zero, yy: zero, zz: zero, xy: zero, xz: zero, yz: zero };

@@ -1,13 +1,13 @@
 //! Angular rates and orientations of the bodies.
 
-use super::super::vector::{Scalar, apply, apply_transposed};
+use super::super::vector::{Arithmetic, apply, apply_transposed};
 use super::{Chain, JointKind};
 
 impl Chain {
     /// Angular velocity of every body in its own axes, rad/s, over a base at rest.
     ///
     /// `q`, `qd`: positions and speeds, one a joint. `out`: one vector a joint.
-    pub fn body_rates<T: Scalar>(&self, q: &[T], qd: &[T], out: &mut [[T; 3]]) {
+    pub fn body_rates<T: Arithmetic>(&self, q: &[T], qd: &[T], out: &mut [[T; 3]]) {
         let mut rate = [T::from(0.0); 3];
         for (i, link) in self.links.iter().enumerate() {
             rate = link.inwards(link.turn(q[i]), rate);
@@ -19,7 +19,7 @@ impl Chain {
     }
 
     /// Orientation of every body: `out[i]` takes vectors from base axes to the axes of body i.
-    pub fn body_rotations<T: Scalar>(&self, q: &[T], out: &mut [[[T; 3]; 3]]) {
+    pub fn body_rotations<T: Arithmetic>(&self, q: &[T], out: &mut [[[T; 3]; 3]]) {
         // Columns of the rotation: the base's unit vectors seen from the link.
         let mut columns: [[T; 3]; 3] =
             std::array::from_fn(|j| std::array::from_fn(|i| T::from(if i == j { 1.0 } else { 0.0 })));
@@ -32,7 +32,7 @@ impl Chain {
     }
 
     /// Position of a point of body `body` (`point_m` in that body's axes), in base axes, m.
-    pub fn position<T: Scalar>(&self, q: &[T], body: usize, point_m: [f64; 3]) -> [T; 3] {
+    pub fn position<T: Arithmetic>(&self, q: &[T], body: usize, point_m: [f64; 3]) -> [T; 3] {
         let mut point = apply_transposed(&self.links[body].to_body, point_m.map(T::from));
         for i in (0..=body).rev() {
             let link = &self.links[i];

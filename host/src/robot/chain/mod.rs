@@ -8,14 +8,18 @@
 //! Inside, every joint moves about or along its own z: a constant rotation between neighbours takes that up, and what
 //! depends on q is a rotation in a plane. Results are in the axes of the description.
 
-use super::vector::{self, IDENTITY, add, apply, apply_transposed, axes_with_z_along, constant, product, transpose};
+use super::vector::{
+    self, IDENTITY, add, apply, apply_transposed, axes_with_z_along, constant, cross, product, transpose,
+};
 use super::{GravityLoad, JointKind, Matrix3, Robot, RobotError, Vector3};
 
 mod derivative;
 mod dynamics;
 mod kinematics;
+mod lanes;
 
-pub use super::vector::Scalar;
+pub use super::vector::{Arithmetic, Scalar};
+pub use lanes::Lanes;
 
 /// The most joints a chain holds: a robot of seven and passive joints before or after it.
 pub const MAX_JOINTS: usize = 10;
@@ -140,16 +144,22 @@ impl Chain {
         self.coriolis
     }
 
-    /// Whether gravity loads any joint.
+    /// Whether gravity loads any joint. A first joint that turns about the vertical feels nothing of it.
     pub fn has_gravity(&self) -> bool {
-        self.gravity_m_s2 != [0.0; 3] && self.links.iter().any(|link| link.gravity == GravityLoad::Acts)
+        let feels = |(i, link): (usize, &Link)| {
+            let turns_about_vertical = i == 0
+                && link.kind == JointKind::Revolute
+                && cross(link.from_previous[2], self.gravity_m_s2) == [0.0; 3];
+            link.gravity == GravityLoad::Acts && !turns_about_vertical
+        };
+        self.gravity_m_s2 != [0.0; 3] && self.links.iter().enumerate().any(feels)
     }
 }
 
 impl Link {
     /// Sine and cosine of the turn that position `q` makes.
     #[inline(always)]
-    fn turn<T: Scalar>(&self, q: T) -> (T, T) {
+    fn turn<T: Arithmetic>(&self, q: T) -> (T, T) {
         match self.kind {
             JointKind::Revolute => q.sin_cos(),
             JointKind::Prismatic => (T::from(0.0), T::from(1.0)),
@@ -158,7 +168,7 @@ impl Link {
 
     /// Where the origin stands at position `q`, in the previous link's axes.
     #[inline(always)]
-    fn origin<T: Scalar>(&self, q: T) -> [T; 3] {
+    fn origin<T: Arithmetic>(&self, q: T) -> [T; 3] {
         let at_zero = constant(self.origin_m);
         match self.kind {
             JointKind::Revolute => at_zero,
@@ -169,14 +179,14 @@ impl Link {
 
     /// A vector from the previous link's axes into this link's.
     #[inline(always)]
-    fn inwards<T: Scalar>(&self, (sin, cos): (T, T), v: [T; 3]) -> [T; 3] {
+    fn inwards<T: Arithmetic>(&self, (sin, cos): (T, T), v: [T; 3]) -> [T; 3] {
         let w = apply(&self.from_previous, v);
         [w[0] * cos + w[1] * sin, w[1] * cos - w[0] * sin, w[2]]
     }
 
     /// A vector from this link's axes into the previous link's.
     #[inline(always)]
-    fn outwards<T: Scalar>(&self, (sin, cos): (T, T), v: [T; 3]) -> [T; 3] {
+    fn outwards<T: Arithmetic>(&self, (sin, cos): (T, T), v: [T; 3]) -> [T; 3] {
         apply_transposed(&self.from_previous, [v[0] * cos - v[1] * sin, v[0] * sin + v[1] * cos, v[2]])
     }
 }
@@ -200,7 +210,7 @@ impl Symmetric<f64> {
 
     /// The constant matrix times a vector.
     #[inline(always)]
-    fn apply<T: Scalar>(&self, v: [T; 3]) -> [T; 3] {
+    fn apply<T: Arithmetic>(&self, v: [T; 3]) -> [T; 3] {
         [
             v[0] * self.xx + v[1] * self.xy + v[2] * self.xz,
             v[0] * self.xy + v[1] * self.yy + v[2] * self.yz,
@@ -209,7 +219,7 @@ impl Symmetric<f64> {
     }
 
     #[inline(always)]
-    fn constant<T: Scalar>(&self) -> Symmetric<T> {
+    fn constant<T: Arithmetic>(&self) -> Symmetric<T> {
         let Self { xx, yy, zz, xy, xz, yz } = *self;
         Symmetric {
             xx: T::from(xx),

@@ -1,0 +1,206 @@
+//! Robot, core and a small host on one bench, joined by bytes.
+
+use firmware::{Config, ControlCore, GyroInput, Inputs, JointSetup, Outputs};
+use protocol::frame::{CRC_BYTES, Decoder, MAX_PAYLOAD};
+use protocol::message::{self, MAX_TO_DEVICE_FRAME, MAX_TO_HOST_FRAME};
+use protocol::motion::Limits;
+use protocol::request::Heartbeat;
+use protocol::sample::Layout;
+use protocol::{
+    Command, Duty, EncoderInfo, Event, EventKind, GyroInfo, MAX_JOINTS, Motion, MotionId, Refusal, Report, Sample,
+    Side, Status, ToDevice, ToHost,
+};
+
+use crate::plant::Plant;
+
+pub const MOTION: MotionId = MotionId(7);
+
+/// Something that changes the inputs of a tick.
+pub type Change = Box<dyn FnMut(&mut Inputs)>;
+
+/// What to disturb in the coming ticks.
+#[derive(Default)]
+pub struct Disturbance {
+    pub no_heartbeat: bool,
+    pub not_reading: bool,
+    pub clock_us: u32,
+    /// Changes the inputs of a tick.
+    pub inputs: Option<Change>,
+}
+
+pub struct Bench {
+    pub core: ControlCore,
+    pub plant: Plant,
+    pub limits: Vec<Limits>,
+    pub disturb: Disturbance,
+    /// Everything that the host received.
+    pub samples: Vec<Sample>,
+    pub reports: Vec<Report>,
+    /// The last tick's decision, and what the pins have in force.
+    pub outputs: Outputs,
+    pub in_force: [Duty; MAX_JOINTS],
+    pub now_us: u32,
+    pub ticks: u32,
+    layout: Layout,
+    decoder: Decoder<{ MAX_PAYLOAD + CRC_BYTES }>,
+    id: u8,
+}
+
+impl Bench {
+    pub fn new(plant: Plant) -> Self {
+        let n = plant.joints.len();
+        let limits: Vec<_> = [1.0, 0.6, 0.6][..n].iter().map(|max| Limits { min: -max, max: *max }).collect();
+        let setups: Vec<_> = limits.iter().map(|limits| JointSetup::new(*limits)).collect();
+        let encoder =
+            |joint| EncoderInfo { joint, side: Side::Motor, counts_per_turn: 1024, gear: 42.092, offset_us: 0 };
+        let encoders: Vec<_> = (0..n as u8).map(encoder).collect();
+        let gyro = |body| GyroInfo { body, rad_s_per_lsb: 5.33e-4, saturated_at: 32_767, offset_us: 20 };
+        let config = Config::new("bench", &setups, &encoders, &[gyro(0), gyro(n as u8 - 1)]).unwrap();
+        Bench {
+            layout: config.layout(),
+            core: ControlCore::new(&config),
+            plant,
+            limits,
+            disturb: Disturbance::default(),
+            samples: Vec::new(),
+            reports: Vec::new(),
+            outputs: Outputs::default(),
+            in_force: Default::default(),
+            now_us: u32::MAX - 5_000_000, // the clock wraps after five seconds
+            ticks: 0,
+            decoder: Decoder::new(),
+            id: 0,
+        }
+    }
+
+    /// Doggy, streaming, zeroed, with the motion uploaded.
+    pub fn ready(motion: &Motion) -> Self {
+        let mut bench = Bench::new(Plant::doggy(motion.gain.len(), 1));
+        bench.prepare(motion);
+        bench
+    }
+
+    pub fn prepare(&mut self, motion: &Motion) {
+        self.run(20);
+        self.ask(Command::Stream { on: true }).unwrap();
+        self.ask(Command::SetZero).unwrap();
+        self.upload(motion).unwrap();
+    }
+
+    /// One millisecond of everything.
+    pub fn tick(&mut self) {
+        if !self.disturb.no_heartbeat && self.ticks.is_multiple_of(20) {
+            let seen_seq = self.samples.last().map_or(0, |s| s.seq);
+            self.send(&ToDevice::Heartbeat(Heartbeat { count: self.ticks as u16, seen_seq }));
+        }
+        // The duty preloaded in the last tick becomes active.
+        self.in_force = self.outputs.duty;
+        let mut inputs = Inputs { last_execution_us: 40, ..Inputs::default() };
+        for joint in 0..self.plant.joints.len() {
+            inputs.encoders[joint] = Some(self.plant.counts(joint));
+        }
+        inputs.gyros = core::array::from_fn(|gyro| GyroInput::Words(self.plant.words(gyro)));
+        if let Some(change) = &mut self.disturb.inputs {
+            change(&mut inputs);
+        }
+        self.now_us = self.now_us.wrapping_add(1000).wrapping_add(std::mem::take(&mut self.disturb.clock_us));
+        self.outputs = self.core.tick(self.now_us, &inputs);
+        if self.outputs.stop {
+            self.in_force = [Duty::ZERO; MAX_JOINTS];
+        }
+        for (joint, duty) in self.plant.joints.iter_mut().zip(self.in_force) {
+            joint.advance(duty.fraction().into());
+        }
+        self.ticks += 1;
+        if !self.disturb.not_reading {
+            self.read();
+        }
+    }
+
+    pub fn run(&mut self, ticks: u32) {
+        (0..ticks).for_each(|_| self.tick());
+    }
+
+    /// Ticks until the event is told; panics after `most` ticks.
+    pub fn until(&mut self, most: u32, wanted: impl Fn(&EventKind) -> bool) -> Event {
+        let told = self.reports.len();
+        for _ in 0..most {
+            self.tick();
+            let event = |report: &Report| if let Report::Event(event) = report { Some(*event) } else { None };
+            if let Some(event) = self.reports[told..].iter().filter_map(event).find(|event| wanted(&event.kind)) {
+                return event;
+            }
+        }
+        panic!("not told within {most} ticks; told was {:?}", &self.reports[told..]);
+    }
+
+    pub fn send(&mut self, message: &ToDevice) {
+        let mut frame = [0; MAX_TO_DEVICE_FRAME];
+        let n = message::write_to_device(message, &mut frame).unwrap();
+        self.core.receive(&frame[..n]);
+    }
+
+    /// Sends a request under a new id and waits for its answer.
+    pub fn ask(&mut self, command: Command) -> Result<(), Refusal> {
+        self.id = self.id.wrapping_add(1);
+        self.ask_as(self.id, command)
+    }
+
+    pub fn ask_as(&mut self, wanted: u8, command: Command) -> Result<(), Refusal> {
+        let told = self.reports.len();
+        self.send(&ToDevice::Request { id: wanted, command });
+        for _ in 0..20 {
+            self.tick();
+            for report in &self.reports[told..] {
+                match report {
+                    Report::Accepted { id } if *id == wanted => return Ok(()),
+                    Report::Refused { id, refusal } if *id == wanted => return Err(*refusal),
+                    _ => {}
+                }
+            }
+        }
+        panic!("no answer within 20 ticks");
+    }
+
+    pub fn upload(&mut self, motion: &Motion) -> Result<(), Refusal> {
+        let segments = motion.segments.len() as u8;
+        self.ask(Command::UploadBegin { motion: MOTION, header: motion.header(), segments })?;
+        for (index, segment) in (0..).zip(&motion.segments) {
+            self.ask(Command::UploadSegment { index, segment: segment.clone() })?;
+        }
+        self.ask(Command::UploadEnd { checksum: motion.checksum() })
+    }
+
+    pub fn start(&mut self) -> Result<(), Refusal> {
+        self.ask(Command::Start { motion: MOTION, at_seq: None })
+    }
+
+    pub fn status(&mut self) -> Status {
+        self.ask(Command::Status).unwrap();
+        let status = |report: &Report| if let Report::Status(status) = report { Some(*status) } else { None };
+        self.reports.iter().rev().find_map(status).unwrap()
+    }
+
+    pub fn events(&self) -> Vec<EventKind> {
+        let kind = |report: &Report| if let Report::Event(event) = report { Some(event.kind) } else { None };
+        self.reports.iter().filter_map(kind).collect()
+    }
+
+    /// Reads the line until the device has no more to send.
+    pub fn read(&mut self) {
+        let mut line = [0; MAX_TO_HOST_FRAME];
+        loop {
+            let n = self.core.transmit(&mut line);
+            if n == 0 {
+                return;
+            }
+            for byte in &line[..n] {
+                let Some(payload) = self.decoder.feed(*byte) else { continue };
+                match message::read_to_host(payload.unwrap(), Some(&self.layout)).unwrap() {
+                    ToHost::Sample(sample) => self.samples.push(sample),
+                    ToHost::Report(report) => self.reports.push(report),
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,224 @@
+//! Everything that must stop the robot, and how fast.
+
+use firmware::{GyroInput, Inputs, motion::preset};
+use protocol::sample::Flags;
+use protocol::{Command, Duty, EventKind, Fault, MAX_JOINTS, MotionEnd, Refusal, State};
+
+use crate::bench::{Bench, MOTION};
+use crate::motions::limits;
+
+const ZERO: [Duty; MAX_JOINTS] = [Duty::ZERO; MAX_JOINTS];
+
+/// Doggy in the slow stage of its calibration, joint 1 under way.
+fn moving() -> Bench {
+    let mut bench = Bench::ready(&preset::calibration(&limits(3)));
+    bench.start().unwrap();
+    bench.run(4000);
+    assert_eq!(bench.in_force[0], Duty(1500), "the yaw moves");
+    bench
+}
+
+/// Changes what the core reads from now on.
+fn disturb(bench: &mut Bench, change: impl FnMut(&mut Inputs) + 'static) {
+    bench.disturb.inputs = Some(Box::new(change));
+}
+
+/// The motion ends by this fault within so many ticks: zero duty in the very tick that tells it, and every tick after.
+fn stops(bench: &mut Bench, fault: Fault, within: u32) {
+    let event = bench.until(within, |kind| *kind == EventKind::FaultRaised(fault));
+    assert!(bench.outputs.stop && bench.in_force == ZERO, "zero in the tick of the fault");
+    let sample = *bench.samples.last().unwrap();
+    assert_eq!((sample.seq, sample.duty), (event.seq, ZERO));
+    assert!(sample.flags.contains(Flags::STOPPED | Flags::FAULT));
+    assert!(bench.events().contains(&EventKind::MotionEnded { motion: MOTION, end: MotionEnd::Fault(fault) }));
+    for _ in 0..300 {
+        bench.tick();
+        assert!(bench.outputs.stop && bench.in_force == ZERO && bench.outputs.duty == ZERO);
+        assert_eq!(bench.samples.last().unwrap().seq, bench.core.control().next_seq() - 1, "the loop goes on");
+    }
+    assert_eq!(bench.status().state, State::Fault(fault));
+    assert_eq!(bench.start(), Err(Refusal::Fault(fault)), "latched");
+}
+
+/// With the cause gone, the fault can be cleared and the motion started again.
+fn recovers(bench: &mut Bench) {
+    bench.disturb = Default::default();
+    bench.run(20);
+    bench.ask(Command::ClearFault).unwrap();
+    assert_eq!(bench.start(), Ok(()));
+    bench.run(4000);
+    assert!(bench.in_force[0] != Duty::ZERO, "it moves again");
+}
+
+fn does_not_clear(bench: &mut Bench, fault: Fault) {
+    assert_eq!(bench.ask(Command::ClearFault), Err(Refusal::Fault(fault)), "its cause lasts");
+}
+
+#[test]
+fn silence_of_the_host() {
+    let mut bench = moving();
+    bench.disturb.no_heartbeat = true;
+    // The last heartbeat was heard at most 20 ticks ago.
+    stops(&mut bench, Fault::HeartbeatLost, 102);
+    recovers(&mut bench);
+}
+
+#[test]
+fn the_emergency_stop() {
+    let mut bench = moving();
+    disturb(&mut bench, |inputs| inputs.emergency_stop = true);
+    stops(&mut bench, Fault::EmergencyStop, 1);
+    does_not_clear(&mut bench, Fault::EmergencyStop);
+    recovers(&mut bench);
+}
+
+#[test]
+fn the_emergency_stop_latches_at_rest_too() {
+    let mut bench = Bench::ready(&preset::calibration(&limits(1)));
+    disturb(&mut bench, |inputs| inputs.emergency_stop = true);
+    bench.run(1);
+    bench.disturb = Default::default();
+    assert_eq!(bench.start(), Err(Refusal::Fault(Fault::EmergencyStop)));
+    assert!(!bench.samples.last().unwrap().flags.contains(Flags::STOPPED), "nothing was under way");
+}
+
+#[test]
+fn a_supply_too_low() {
+    let mut bench = moving();
+    disturb(&mut bench, |inputs| inputs.brown_out = true);
+    stops(&mut bench, Fault::BrownOut, 1);
+    recovers(&mut bench);
+}
+
+#[test]
+fn a_gyro_whose_bus_hangs() {
+    let mut bench = moving();
+    disturb(&mut bench, |inputs| inputs.gyros[1] = GyroInput::BusError);
+    stops(&mut bench, Fault::BusHang { gyro: 1 }, 3);
+    assert!(bench.samples.last().unwrap().flags.contains(Flags::GYRO2_STALE));
+    does_not_clear(&mut bench, Fault::BusHang { gyro: 1 });
+    recovers(&mut bench);
+}
+
+#[test]
+fn a_gyro_that_does_not_convert() {
+    let mut bench = moving();
+    disturb(&mut bench, |inputs| inputs.gyros[0] = GyroInput::NotReady);
+    stops(&mut bench, Fault::GyroStale { gyro: 0 }, 3);
+    recovers(&mut bench);
+}
+
+#[test]
+fn a_gyro_that_is_stuck() {
+    let mut bench = moving();
+    disturb(&mut bench, |inputs| inputs.gyros[0] = GyroInput::Words([3, -4, 5]));
+    stops(&mut bench, Fault::GyroStuck { gyro: 0 }, 51);
+    recovers(&mut bench);
+}
+
+#[test]
+fn a_gyro_at_the_end_of_its_range() {
+    let mut bench = moving();
+    disturb(&mut bench, |inputs| {
+        if let GyroInput::Words(words) = &mut inputs.gyros[1] {
+            words[2] = i16::MAX;
+        }
+    });
+    bench.tick();
+    assert!(bench.samples.last().unwrap().flags.contains(Flags::GYRO2_SATURATED), "told at once");
+    stops(&mut bench, Fault::GyroRange { gyro: 1 }, 49);
+    recovers(&mut bench);
+}
+
+#[test]
+fn an_encoder_that_jumps_loses_the_zero() {
+    let mut bench = moving();
+    disturb(&mut bench, |inputs| inputs.encoders[2] = inputs.encoders[2].map(|c| c + 5000));
+    stops(&mut bench, Fault::EncoderJump { encoder: 2 }, 1);
+    bench.ask(Command::ClearFault).unwrap();
+    assert_eq!(bench.start(), Err(Refusal::NotZeroed));
+    bench.ask(Command::SetZero).unwrap();
+    assert_eq!(bench.start(), Ok(()));
+}
+
+#[test]
+fn an_encoder_that_does_not_answer() {
+    let mut bench = moving();
+    disturb(&mut bench, |inputs| inputs.encoders[1] = None);
+    stops(&mut bench, Fault::EncoderStale { encoder: 1 }, 3);
+    assert!(bench.samples.last().unwrap().flags.contains(Flags::ENCODER_STALE));
+    recovers(&mut bench);
+}
+
+#[test]
+fn an_encoder_that_is_stuck() {
+    let mut bench = moving();
+    let hanging = bench.plant.counts(0);
+    disturb(&mut bench, move |inputs| inputs.encoders[0] = Some(hanging));
+    stops(&mut bench, Fault::EncoderStuck { encoder: 0 }, 151);
+    assert_eq!(bench.ask(Command::ClearFault), Ok(()), "at rest a standing encoder proves nothing");
+}
+
+#[test]
+fn a_tick_that_is_missed() {
+    let mut bench = moving();
+    bench.disturb.clock_us = 1000;
+    stops(&mut bench, Fault::Overrun, 1);
+    recovers(&mut bench);
+}
+
+#[test]
+fn a_tick_that_runs_too_long() {
+    let mut bench = moving();
+    disturb(&mut bench, |inputs| inputs.last_execution_us = 1001);
+    stops(&mut bench, Fault::Overrun, 1);
+    recovers(&mut bench);
+}
+
+#[test]
+fn a_joint_carried_beyond_its_limit() {
+    let mut bench = moving();
+    // Somebody pushes the roll outwards at 4 rad/s.
+    for _ in 0..400 {
+        bench.plant.joints[2].state = [0.0, 0.0, bench.plant.joints[2].state[2] + 0.004, 0.0];
+        bench.tick();
+        if bench.outputs.stop {
+            break;
+        }
+    }
+    let beyond = bench.plant.joints[2].state[2];
+    assert!(bench.events().contains(&EventKind::FaultRaised(Fault::JointLimit { joint: 2 })));
+    assert!((0.66..0.67).contains(&beyond), "limit 0.6 rad, overtravel 0.06 rad, stopped at {beyond}");
+    assert_eq!(bench.ask(Command::ClearFault), Ok(()));
+    assert_eq!(bench.start(), Err(Refusal::Fault(Fault::JointLimit { joint: 2 })), "first it must be brought back");
+}
+
+#[test]
+fn the_host_asks_for_a_stop() {
+    let mut bench = moving();
+    bench.ask(Command::Stop).unwrap();
+    assert_eq!(bench.in_force, ZERO, "in the tick that takes the request");
+    let sample = *bench.samples.last().unwrap();
+    assert!(sample.flags.contains(Flags::STOPPED) && !sample.flags.contains(Flags::FAULT));
+    assert!(bench.events().contains(&EventKind::MotionEnded { motion: MOTION, end: MotionEnd::Stopped }));
+    bench.run(2);
+    assert!(!bench.samples.last().unwrap().flags.contains(Flags::STOPPED), "told once");
+    assert_eq!(bench.start(), Ok(()));
+}
+
+/// A megabyte of noise: the loop goes on, the robot does not move, and the next request is understood.
+#[test]
+fn garbage_on_the_line() {
+    let mut bench = Bench::ready(&preset::calibration(&limits(3)));
+    for _ in 0..10_000 {
+        let noise: [u8; 100] = core::array::from_fn(|_| (256.0 * bench.plant.noise.uniform()) as u8);
+        bench.core.receive(&noise);
+        bench.tick();
+        assert_eq!(bench.in_force, ZERO);
+    }
+    bench.core.receive(&[0]);
+    let counts = bench.core.received();
+    assert!(counts.damaged > 1000, "{counts:?}");
+    assert_eq!(bench.status().state, State::Idle);
+    assert!(bench.samples.windows(2).all(|pair| pair[1].seq == pair[0].seq + 1));
+}

@@ -1,0 +1,7 @@
+//! The core as a user meets it: a host at the other end of the line, a robot at its pins.
+
+mod bench;
+mod faults;
+mod motions;
+mod plant;
+mod requests;

@@ -1,0 +1,99 @@
+//! A robot for the tests: flexible joints side by side, without coupling, with the figures of Doggy.
+//!
+//! b θ̈ = τ_c + k_pwm U u − k_mi θ̇ − τ_f,  J q̈ = −τ_c,  τ_c = k_s (q − θ) + d_s (q̇ − θ̇); RK4 at 0.25 ms.
+
+/// Counts per radian of Doggy's joints.
+pub const COUNTS_PER_RAD: f64 = 1024.0 * 42.092 / core::f64::consts::TAU;
+/// Radians per second of a gyro word at ±1000 °/s.
+pub const RAD_S_PER_LSB: f64 = 1000.0 / 32768.0 * core::f64::consts::PI / 180.0;
+
+#[derive(Clone, Copy)]
+pub struct Joint {
+    pub k_pwm_u: f64,
+    pub k_mi: f64,
+    pub b: f64,
+    pub j: f64,
+    pub mu: f64,
+    pub k_s: f64,
+    pub d_s: f64,
+    /// q, q̇, θ, θ̇.
+    pub state: [f64; 4],
+}
+
+impl Joint {
+    pub fn doggy(index: usize) -> Self {
+        let (mu, k_s, d_s) = [(1.6, 448.0, 1.5), (2.7, 416.0, 1.7), (4.8, 559.0, 2.8)][index % 3];
+        Joint { k_pwm_u: 161.7, k_mi: 35.4, b: 2.62, j: 0.52, mu, k_s, d_s, state: [0.0; 4] }
+    }
+
+    fn rates(&self, [q, qd, th, thd]: [f64; 4], u: f64) -> [f64; 4] {
+        let belt = self.k_s * (q - th) + self.d_s * (qd - thd);
+        let friction = 2.0 * self.mu * (1.0 / (1.0 + (-400.0 * thd).exp()) - 0.5);
+        [qd, -belt / self.j, thd, (belt + self.k_pwm_u * u - self.k_mi * thd - friction) / self.b]
+    }
+
+    /// One millisecond under the duty `u`, a fraction.
+    pub fn advance(&mut self, u: f64) {
+        let h = 0.25e-3;
+        for _ in 0..4 {
+            let x = self.state;
+            let at = |k: [f64; 4], f: f64| core::array::from_fn(|i| x[i] + f * h * k[i]);
+            let k1 = self.rates(x, u);
+            let k2 = self.rates(at(k1, 0.5), u);
+            let k3 = self.rates(at(k2, 0.5), u);
+            let k4 = self.rates(at(k3, 1.0), u);
+            self.state = core::array::from_fn(|i| x[i] + h / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]));
+        }
+    }
+}
+
+/// Noise from a seed: a linear congruential generator, twelve uniforms to a Gaussian.
+pub struct Noise(pub u64);
+
+impl Noise {
+    pub fn uniform(&mut self) -> f64 {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 11) as f64 / (1u64 << 53) as f64
+    }
+
+    pub fn gaussian(&mut self) -> f64 {
+        (0..12).map(|_| self.uniform()).sum::<f64>() - 6.0
+    }
+}
+
+/// A robot and its sensors.
+pub struct Plant {
+    pub joints: Vec<Joint>,
+    pub noise: Noise,
+}
+
+impl Plant {
+    pub fn doggy(joints: usize, seed: u64) -> Self {
+        Plant { joints: (0..joints).map(Joint::doggy).collect(), noise: Noise(seed) }
+    }
+
+    /// The same with every figure drawn within ±20 %.
+    pub fn drawn(joints: usize, seed: u64) -> Self {
+        let mut plant = Self::doggy(joints, seed);
+        for joint in &mut plant.joints {
+            for figure in
+                [&mut joint.k_pwm_u, &mut joint.k_mi, &mut joint.b, &mut joint.mu, &mut joint.k_s, &mut joint.d_s]
+            {
+                *figure *= 0.8 + 0.4 * plant.noise.uniform();
+            }
+        }
+        plant
+    }
+
+    pub fn counts(&self, joint: usize) -> i32 {
+        (self.joints[joint].state[2] * COUNTS_PER_RAD).floor() as i32
+    }
+
+    /// Words of a gyro: rates of three joints in turn, with noise.
+    pub fn words(&mut self, gyro: usize) -> [i16; 3] {
+        core::array::from_fn(|axis| {
+            let rate = self.joints.get(gyro + axis).map_or(0.0, |joint| joint.state[1]);
+            ((rate + 1.745e-3 * self.noise.gaussian()) / RAD_S_PER_LSB).round() as i16
+        })
+    }
+}
