@@ -172,7 +172,7 @@ fn joint(index: usize, setup: &JointSetup, encoders: &[EncoderInfo]) -> Result<J
             upper_counts: (max * scale) as i32,
             overtravel_counts: (constants::OVERTRAVEL_OF_RANGE * range) as i32,
             fade_counts: ((constants::FADE_OF_RANGE * range) as i32).max(1),
-            coast_us: (setup.coast_s * 1e6) as u32,
+            coast_q16_s: (setup.coast_s * 65_536.0) as u32,
             max_duty: setup.max_duty,
             max_rise: Duty(constants::MAX_RISE),
         },

@@ -9,14 +9,14 @@ use crate::safety::GyroBounds;
 /// Period of the tick, µs: the estimator's T_s.
 pub const TICK_US: u32 = 1000;
 
-/// Samples that wait for the line: at one a millisecond, 31 ms of a stalled transmitter.
-pub const SAMPLE_QUEUE: usize = 32;
-/// Answers and events that wait for the line. The host has one request under way at a time and a heartbeat every
-/// 20 ms; a fault makes three events at most.
-pub const REPLY_QUEUE: usize = 16;
-/// Messages from the host that wait for the tick, which takes one a millisecond. The line brings the shortest (a
-/// heartbeat, 10 bytes) every 0.11 ms at 921,600 baud, but the host sends a request only after the last answer.
-pub const COMMAND_QUEUE: usize = 8;
+/// Samples that wait for the line: at one a millisecond, 24 ms of a stalled transmitter.
+pub const SAMPLE_QUEUE: usize = 24;
+/// Answers and events that wait for the line. The host has one request under way at a time (two answers at most) and a
+/// heartbeat every 20 ms; a fault makes three events at most.
+pub const REPLY_QUEUE: usize = 12;
+/// Messages from the host that wait for the tick, which takes four a millisecond, one of them a request. The host
+/// sends a request only after the last answer, so a request and three heartbeats can wait.
+pub const COMMAND_QUEUE: usize = 4;
 
 /// Duty above which a joint surely moves: 15 N m on Doggy, three times its largest friction.
 pub const MOVING_DUTY: i16 = 1000;

@@ -51,7 +51,7 @@ pub mod safety;
 mod speed;
 mod telemetry;
 
-pub use app::ControlCore;
+pub use app::{ControlCore, RAM_BUDGET};
 pub use config::{Config, ConfigError, JointSetup};
 pub use control::{ControlLoop, Inputs, Outputs};
 pub use receive::{ReceiveCounts, Receiver};

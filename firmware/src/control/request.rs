@@ -163,8 +163,7 @@ impl ControlLoop {
         if self.fault.is_none() {
             return Ok(());
         }
-        // A joint beyond its limit may be driven back, and a jump is over once the zero is forgotten.
-        if let Some(lasting) = self.standing_fault(inputs).or(self.sensors.fault()) {
+        if let Some(lasting) = self.obstacle(now, inputs) {
             return Err(Refusal::Fault(lasting));
         }
         self.fault = None;
@@ -172,7 +171,7 @@ impl ControlLoop {
         Ok(())
     }
 
-    /// What would stop a motion in its first tick.
+    /// What would stop a motion in its first tick. A joint beyond its limit must be brought back by hand.
     fn obstacle(&mut self, now: Now, inputs: &Inputs) -> Option<Fault> {
         let silent = self.heartbeat.silent(now.t_us).then_some(Fault::HeartbeatLost);
         self.standing_fault(inputs).or(self.sensors.fault()).or_else(|| self.limit_fault()).or(silent)

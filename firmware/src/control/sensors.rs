@@ -6,7 +6,6 @@ use protocol::{Duty, Fault, MAX_ENCODERS, MAX_GYROS, MAX_JOINTS};
 
 use super::Inputs;
 use crate::config::{Config, Joint};
-use crate::constants::TICK_US;
 use crate::motion::Positions;
 use crate::safety::{EncoderWatch, GyroInput, GyroWatch, Verdict};
 use crate::speed::Speed;
@@ -80,7 +79,7 @@ impl Sensors {
             let moved = self.counts[joint.encoder].wrapping_sub(zero[joint.encoder]);
             let position = if joint.reversed { moved.wrapping_neg() } else { moved };
             self.positions[index] = position;
-            self.speeds[index] = self.speed[index].update(position, TICK_US);
+            self.speeds[index] = self.speed[index].update(position);
         }
         flags
     }

@@ -8,6 +8,8 @@
 //! read of a tick is one burst, whose request and decoding are also public as pure functions
 //! (`READ_REQUEST`, `decode`): a board that lets DMA move the bytes needs only those.
 //!
+//! In a tick: `inputs.gyros[0] = imu1.read().into()` and `inputs.encoders[0] = Some(counter.update(timer.count()))`.
+//!
 //! Both parts run faster than the tick and are low-pass filtered below half the tick rate, so that every
 //! tick finds a new word and nothing aliases; a word is at most one sensor period old.
 
@@ -32,9 +34,9 @@ pub const INVALID_WORD: i16 = i16::MIN;
 
 /// Full scale of a gyroscope. One step of the raw word is full scale / 32768 in both parts.
 ///
-/// The recordings of Doggy's calibration reach 7.0 rad/s (401 °/s) on the head, so ±500 °/s leaves a margin
-/// of a quarter, too little for a softer belt; ±1000 °/s has 2.5 times. Its step of 0.0305 °/s
-/// (5.3e-4 rad/s) adds a standard deviation of 1.5e-4 rad/s to a noise of 1.7e-3 rad/s: 0.4 % of it.
+/// The recordings of Doggy's calibration reach 7.0 rad/s (401 °/s) on the head, and a robot drawn within ±20 % of its
+/// figures 7.5 rad/s; ±500 °/s (8.7 rad/s) would leave too little for a softer belt, ±1000 °/s has twice the room.
+/// Its step of 0.0305 °/s (5.3e-4 rad/s) adds 1.5e-4 rad/s to a noise of 1.745e-3 rad/s: 0.4 % more.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum GyroRange {
     /// ±500 °/s, 2.66e-4 rad/s a step.

@@ -243,3 +243,7 @@ fn proportional(gain: i32, target: i32, position: i32) -> i64 {
 fn round(x: f32) -> i32 {
     (x + if x < 0.0 { -0.5 } else { 0.5 }) as i32
 }
+
+#[cfg(test)]
+#[path = "player_tests.rs"]
+mod tests;

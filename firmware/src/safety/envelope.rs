@@ -26,8 +26,8 @@ pub struct JointLimits {
     pub overtravel_counts: i32,
     /// Way over which the outward duty fades to zero, counts; at least 1.
     pub fade_counts: i32,
-    /// Time constant of the speed at zero duty (inertia over back-EMF constant), µs.
-    pub coast_us: u32,
+    /// Time constant of the speed at zero duty (inertia over back-EMF constant), 2⁻¹⁶ s.
+    pub coast_q16_s: u32,
     /// Largest duty.
     pub max_duty: Duty,
     /// Largest rise of the duty's magnitude from one tick to the next. Falling is never limited.
@@ -74,9 +74,12 @@ impl JointLimits {
         } else {
             (i64::from(position) - i64::from(self.lower_counts), -i64::from(speed))
         };
-        let coast = outward_speed.max(0) * i64::from(self.coast_us) / 1_000_000;
+        let coast = (outward_speed.max(0) * i64::from(self.coast_q16_s)) >> 16;
         let fade = i64::from(self.fade_counts.max(1));
-        let room = (way - coast).clamp(0, fade);
+        let room = (way - coast).max(0);
+        if room >= fade {
+            return duty;
+        }
         // |duty × room / fade| ≤ |duty|, an i16.
         Duty((i64::from(duty.0) * room / fade) as i16)
     }
@@ -94,7 +97,7 @@ mod tests {
             upper_counts: 4116,
             overtravel_counts: 343,
             fade_counts: 686,
-            coast_us: 80_000,
+            coast_q16_s: 5243, // 80 ms
             max_duty: Duty(9000),
             max_rise: Duty(1000),
         }

@@ -3,5 +3,6 @@
 mod bench;
 mod faults;
 mod motions;
+mod parts;
 mod plant;
 mod requests;
