@@ -1,0 +1,140 @@
+//! One step of the dynamics with the input held, and its exact derivatives by the chain rule through the method's stages.
+
+use serde::{Deserialize, Serialize};
+
+use super::{Dynamics, Linear};
+
+/// A one-step method.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Integrator {
+    /// x + T f(x, u), equation (31): what the paper does. Damps springs by −k_s T.
+    Euler,
+    /// The classical fourth-order Runge–Kutta method, one step a sample.
+    RungeKutta4,
+}
+
+/// φ(x, u) and `[∂φ/∂x | ∂φ/∂z]`, size × (size + coordinates), row-major.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct StepSlopes {
+    /// The state after the step.
+    pub next: Vec<f64>,
+    /// Its derivatives.
+    pub slopes: Vec<f64>,
+}
+
+/// Scratch space of the integrator: one a thread.
+#[derive(Debug, Clone)]
+pub struct Stepper {
+    integrator: Integrator,
+    linear: Linear,
+    x: Vec<f64>,
+    k: Vec<f64>,
+    /// Derivatives of the stage's state and of its slope k.
+    dx: Vec<f64>,
+    dk: Vec<f64>,
+}
+
+/// Stages of the classical method: (how far along the last slope the stage's state lies, the weight of its slope).
+const RUNGE_KUTTA_4: [(f64, f64); 4] = [(0.0, 1.0 / 6.0), (0.5, 1.0 / 3.0), (0.5, 1.0 / 3.0), (1.0, 1.0 / 6.0)];
+const EULER: [(f64, f64); 1] = [(0.0, 1.0)];
+
+impl Stepper {
+    /// Scratch space for `integrator`.
+    pub fn new(integrator: Integrator) -> Self {
+        let empty = Vec::new;
+        let linear = Linear { xdot: empty(), slopes: empty() };
+        Stepper { integrator, linear, x: empty(), k: empty(), dx: empty(), dk: empty() }
+    }
+
+    fn stages(&self) -> &'static [(f64, f64)] {
+        match self.integrator {
+            Integrator::Euler => &EULER,
+            Integrator::RungeKutta4 => &RUNGE_KUTTA_4,
+        }
+    }
+
+    /// The state `duration_s` after `x` with the input `u` held, into `next`.
+    pub fn step(&mut self, dynamics: &Dynamics<'_>, x: &[f64], u: &[f64], duration_s: f64, next: &mut [f64]) {
+        self.x.resize(x.len(), 0.0);
+        self.k.clear();
+        self.k.resize(x.len(), 0.0);
+        next.copy_from_slice(x);
+        for &(along, weight) in self.stages() {
+            for ((stage, x), k) in self.x.iter_mut().zip(x).zip(&self.k) {
+                *stage = x + along * duration_s * k;
+            }
+            dynamics.derivative(&self.x, u, &mut self.k);
+            for (next, k) in next.iter_mut().zip(&self.k) {
+                *next += weight * duration_s * k;
+            }
+        }
+    }
+
+    /// [`step`](Self::step) with derivatives by the state and the coordinates of the dynamics.
+    pub fn step_slopes(
+        &mut self,
+        dynamics: &Dynamics<'_>,
+        x: &[f64],
+        u: &[f64],
+        duration_s: f64,
+        out: &mut StepSlopes,
+    ) {
+        let (size, columns) = (dynamics.size(), dynamics.columns());
+        self.x.resize(size, 0.0);
+        self.k.clear();
+        self.k.resize(size, 0.0);
+        self.dk.clear();
+        self.dk.resize(size * columns, 0.0);
+        out.next.clear();
+        out.next.extend_from_slice(x);
+        out.slopes.clear();
+        out.slopes.resize(size * columns, 0.0);
+        for i in 0..size {
+            out.slopes[i * columns + i] = 1.0;
+        }
+        for (stage, &(along, weight)) in self.stages().iter().enumerate() {
+            let h = along * duration_s;
+            for ((stage, x), k) in self.x.iter_mut().zip(x).zip(&self.k) {
+                *stage = x + h * k;
+            }
+            dynamics.linearise(&self.x, u, &mut self.linear);
+            self.k.copy_from_slice(&self.linear.xdot);
+            if stage == 0 {
+                self.dk.copy_from_slice(&self.linear.slopes);
+            } else {
+                // dx = [1 | 0] + h dk, then dk = f_x dx + [0 | f_z].
+                self.dx.clear();
+                self.dx.extend(self.dk.iter().map(|dk| h * dk));
+                for i in 0..size {
+                    self.dx[i * columns + i] += 1.0;
+                }
+                for i in 0..size {
+                    let row = &self.linear.slopes[i * columns..(i + 1) * columns];
+                    let dk = &mut self.dk[i * columns..(i + 1) * columns];
+                    if let Some(speed) = dynamics.speed_of[i] {
+                        dk.copy_from_slice(&self.dx[speed * columns..(speed + 1) * columns]);
+                        continue;
+                    }
+                    dk[..size].fill(0.0);
+                    dk[size..].copy_from_slice(&row[size..]);
+                    for (j, &slope) in row[..size].iter().enumerate() {
+                        // Most of a motor's row is zero.
+                        if slope != 0.0 {
+                            for (dk, dx) in dk.iter_mut().zip(&self.dx[j * columns..(j + 1) * columns]) {
+                                *dk += slope * dx;
+                            }
+                        }
+                    }
+                }
+            }
+            let scale = weight * duration_s;
+            for (next, k) in out.next.iter_mut().zip(&self.k) {
+                *next += scale * k;
+            }
+            for (slope, dk) in out.slopes.iter_mut().zip(&self.dk) {
+                *slope += scale * dk;
+            }
+        }
+    }
+}
