@@ -1,1 +1,163 @@
-//! The calibration: residuals of a recording under a model, solved jointly for all states and the shared parameters.
+//! The calibration: residuals of a recording under a model, solved jointly for all states of all samples and the shared parameters.
+//!
+//! ```text
+//! Recording ─▶ series (one chain, broken at gaps) ─▶ start ─▶ problem ─▶ solve::levenberg ─▶ observability ─▶ Calibration
+//!                                       preset: integrator, gyro rows, noise ──┘
+//! ```
+
+mod chained;
+mod observability;
+mod point;
+mod preset;
+mod problem;
+mod result;
+mod series;
+mod start;
+mod summary;
+
+pub use observability::Unobservable;
+pub use point::{BorderLayout, Point};
+pub use preset::{Assumptions, GyroRows, InitialNoise, Preset, ProcessNoise};
+pub use problem::Problem;
+pub use result::{
+    Calibration, ChannelFit, ChannelNoise, ParameterEstimate, RecordingUsed, Seconds, Status,
+};
+pub use series::Series;
+
+use std::time::Instant;
+
+use crate::model::Model;
+use crate::recording::Recording;
+use crate::robot::{ChannelKind, Robot};
+use crate::solve::border::Border;
+use crate::solve::factor::SolveError;
+use crate::solve::levenberg::{self, Iteration, Settings};
+
+/// A direction with less than this share of the information that its parameters would have alone is not determined by the motion.
+const WEAK_INFORMATION: f64 = 1e-9;
+
+/// Why recordings cannot be calibrated.
+#[derive(Debug, thiserror::Error)]
+pub enum CalibrateError {
+    /// No recording.
+    #[error("no recording was given")]
+    NoRecording,
+    /// Too short to say anything.
+    #[error("{path} has {samples} samples: a calibration needs at least {least}")]
+    TooShort {
+        /// The recording.
+        path: String,
+        /// Its samples.
+        samples: usize,
+        /// What is needed.
+        least: usize,
+    },
+    /// Recordings of different robots.
+    #[error("{path} was recorded on robot `{robot}`, the others on `{expected}`: calibrate one robot at a time")]
+    DifferentRobot {
+        /// The recording.
+        path: String,
+        /// Its robot.
+        robot: String,
+        /// The robot of the first one.
+        expected: String,
+    },
+    /// The motor encoders are the only channels that every method needs.
+    #[error("joint {joint} (`{name}`) has no position sensor: its state cannot be found")]
+    NoPosition {
+        /// 1-based.
+        joint: usize,
+        /// Its name.
+        name: String,
+    },
+    /// The preset does not fit the robot.
+    #[error("the preset `paper` wants its first gyro on the body after the first joint, a revolute one, as (22) does; use the preset `default`")]
+    NotThePapersRobot,
+    /// The solver gave up.
+    #[error("the least-squares problem cannot be solved: {0}")]
+    Solve(#[from] SolveError),
+}
+
+/// Fewest samples of a recording.
+const FEWEST_SAMPLES: usize = 200;
+
+/// Calibrates `robot` on recordings of it. `progress` is called once an iteration.
+///
+/// # Errors
+/// [`CalibrateError`].
+pub fn calibrate(
+    robot: &Robot,
+    recordings: &[&Recording],
+    preset: Preset,
+    settings: &Settings,
+    progress: impl FnMut(usize, &Iteration),
+) -> Result<Calibration, CalibrateError> {
+    let begin = Instant::now();
+    check(robot, recordings, preset)?;
+    let model = Model::new(robot);
+    let series = Series::of(recordings);
+    let problem = Problem::new(&model, robot, &series, preset.assumptions());
+    let mut held = observability::structural(&model, robot, problem.border());
+    let clock = Instant::now();
+    let start = start::start(&model, robot, &series);
+    let start_seconds = clock.elapsed().as_secs_f64();
+    let directions: Vec<_> = held.iter().map(|held| held.direction.clone()).collect();
+    let solution = levenberg::minimise(&problem, start.clone(), &directions, settings, progress)?;
+
+    let (information, gradient) = solution.factor.schur();
+    let mut border = Border::new(&information, &gradient, &directions);
+    let weak = border.weak_directions(WEAK_INFORMATION);
+    let unidentifiable = !weak.is_empty();
+    for weak in weak {
+        let direction = border.in_own_units(&weak);
+        border.hold(&direction);
+        let reason = format!(
+            "this motion does not show it: {:.1e} of the information that its parameters would have alone",
+            weak.relative_information
+        );
+        held.push(observability::Held { direction, reason });
+    }
+    let mut calibration = summary::summarise(robot, &problem, &start, &solution, &border, &held);
+    calibration.preset = preset;
+    calibration.recordings = recordings.iter().map(|recording| summary::used(recording)).collect();
+    if unidentifiable && calibration.status == Status::Converged {
+        calibration.status = Status::Unidentifiable;
+    }
+    calibration.seconds = Seconds {
+        start: start_seconds,
+        factor: solution.seconds.factor,
+        solve: solution.seconds.solve,
+        total: begin.elapsed().as_secs_f64(),
+    };
+    Ok(calibration)
+}
+
+fn check(robot: &Robot, recordings: &[&Recording], preset: Preset) -> Result<(), CalibrateError> {
+    let first = recordings.first().ok_or(CalibrateError::NoRecording)?;
+    for recording in recordings {
+        let path = recording.source.path.clone();
+        if recording.len() < FEWEST_SAMPLES {
+            return Err(CalibrateError::TooShort { path, samples: recording.len(), least: FEWEST_SAMPLES });
+        }
+        if recording.robot.name != first.robot.name {
+            let (robot, expected) = (recording.robot.name.clone(), first.robot.name.clone());
+            return Err(CalibrateError::DifferentRobot { path, robot, expected });
+        }
+    }
+    let sees = |joint: usize| {
+        first.channels.iter().any(|channel| {
+            matches!(channel.spec.kind,
+                ChannelKind::MotorPosition { joint: j } | ChannelKind::LinkPosition { joint: j } if j == joint)
+        })
+    };
+    if let Some(joint) = (0..robot.joints.len()).find(|&joint| !sees(joint)) {
+        return Err(CalibrateError::NoPosition { joint: joint + 1, name: robot.joints[joint].name.clone() });
+    }
+    let papers_gyro = robot.gyros().next().is_none_or(|gyro| {
+        gyro.body == 0 && robot.joints[0].kind == crate::robot::JointKind::Revolute
+    });
+    if preset == Preset::Paper && !papers_gyro {
+        return Err(CalibrateError::NotThePapersRobot);
+    }
+    Ok(())
+}

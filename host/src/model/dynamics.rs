@@ -31,7 +31,7 @@ pub struct Dynamics<'m> {
 }
 
 /// f and its derivatives at one point.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct Linear {
     /// f, one value a state component.
     pub xdot: Vec<f64>,

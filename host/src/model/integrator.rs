@@ -42,9 +42,7 @@ const EULER: [(f64, f64); 1] = [(0.0, 1.0)];
 impl Stepper {
     /// Scratch space for `integrator`.
     pub fn new(integrator: Integrator) -> Self {
-        let empty = Vec::new;
-        let linear = Linear { xdot: empty(), slopes: empty() };
-        Stepper { integrator, linear, x: empty(), k: empty(), dx: empty(), dk: empty() }
+        Stepper { integrator, linear: Linear::default(), x: vec![], k: vec![], dx: vec![], dk: vec![] }
     }
 
     fn stages(&self) -> &'static [(f64, f64)] {

@@ -179,7 +179,7 @@ impl Factor {
         problem.border_rows(point, &mut rows);
         add_border_rows(&mut carry.border, &rows, shape);
         rows.clear();
-        problem.rows(point, middle, &mut rows);
+        problem.rows(point, middle, &mut problem.scratch(), &mut rows);
         add_rows::<N, false>(&mut carry, &rows, shape);
         let uncoupled = [[0.0; N]; N];
         eliminate::<N, false>(&mut carry, &uncoupled, shape, damping, middle_kept)
@@ -354,6 +354,7 @@ impl<P: LeastSquares, const N: usize> Work for Sweep<'_, P, N> {
         let mut rows = Rows::new(shape.stage, N, shape.border, width);
         let mut transition = Transition::new(shape.stage, N, shape.border, width);
         let mut carry = Carry::new(shape);
+        let mut scratch = problem.scratch();
         let mut coupling = [[0.0; N]; N];
         let mut next = vec![0.0; N * width];
         let mut next_diagonal = [0.0; N];
@@ -361,7 +362,7 @@ impl<P: LeastSquares, const N: usize> Work for Sweep<'_, P, N> {
         for step in 0..count {
             let k = if leftward { middle + count - step } else { step };
             rows.clear();
-            problem.rows(point, k, &mut rows);
+            problem.rows(point, k, &mut scratch, &mut rows);
             add_rows::<N, FMA>(&mut carry, &rows, shape);
             let from = if leftward { k - 1 } else { k };
             next.fill(0.0);
@@ -370,7 +371,7 @@ impl<P: LeastSquares, const N: usize> Work for Sweep<'_, P, N> {
                 row.fill(0.0);
             }
             if problem.linked(from) {
-                problem.transition(point, from, &mut transition);
+                problem.transition(point, from, &mut scratch, &mut transition);
                 let w = &transition.weight;
                 for (row, w) in transition.values.chunks_exact_mut(width).zip(w) {
                     for value in row {

@@ -89,20 +89,25 @@ pub struct Solution<P> {
 pub fn total_cost<P: LeastSquares>(problem: &P, point: &P::Point, threads: usize) -> f64 {
     const RUN: usize = 2048;
     let runs = problem.stages().div_ceil(RUN);
-    let sum_run = |run: usize| -> f64 {
-        (run * RUN..((run + 1) * RUN).min(problem.stages())).map(|k| problem.cost(point, k)).sum()
+    let sum_runs = |runs: std::ops::Range<usize>| -> Vec<f64> {
+        let mut scratch = problem.scratch();
+        runs.map(|run| {
+            let stages = run * RUN..((run + 1) * RUN).min(problem.stages());
+            stages.map(|k| problem.cost(point, k, &mut scratch)).sum()
+        })
+        .collect()
     };
     let sums: Vec<f64> = if threads > 1 && runs > 1 {
         let half = runs / 2;
         std::thread::scope(|scope| {
-            let first = scope.spawn(|| (0..half).map(sum_run).collect::<Vec<_>>());
-            let second: Vec<_> = (half..runs).map(sum_run).collect();
+            let first = scope.spawn(|| sum_runs(0..half));
+            let second = sum_runs(half..runs);
             let mut sums = first.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
             sums.extend(second);
             sums
         })
     } else {
-        (0..runs).map(sum_run).collect()
+        sum_runs(0..runs)
     };
     sums.iter().sum::<f64>() + problem.border_cost(point)
 }

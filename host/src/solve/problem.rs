@@ -99,6 +99,11 @@ pub struct Step {
 pub trait LeastSquares: Sync {
     /// A point of the search space (states and shared unknowns, manifolds included).
     type Point: Clone + Send + Sync;
+    /// Room for intermediate values: one a thread.
+    type Scratch;
+
+    /// Makes a scratch space.
+    fn scratch(&self) -> Self::Scratch;
 
     /// Number of stages N.
     fn stages(&self) -> usize;
@@ -109,13 +114,13 @@ pub trait LeastSquares: Sync {
     /// Whether stage k is carried into stage k+1 (false at a gap and at the last stage).
     fn linked(&self, k: usize) -> bool;
     /// Pushes the whitened residual rows of stage k at `point`.
-    fn rows(&self, point: &Self::Point, k: usize, rows: &mut Rows);
+    fn rows(&self, point: &Self::Point, k: usize, scratch: &mut Self::Scratch, rows: &mut Rows);
     /// Fills all n rows of the transition k → k+1 at `point`; only called where [`linked`](Self::linked).
-    fn transition(&self, point: &Self::Point, k: usize, transition: &mut Transition);
+    fn transition(&self, point: &Self::Point, k: usize, scratch: &mut Self::Scratch, transition: &mut Transition);
     /// Whitened residual rows of the border alone (priors on shared unknowns); none by default.
     fn border_rows(&self, _point: &Self::Point, _rows: &mut Rows) {}
     /// ½ Σ r² of the residuals that start at stage k (its rows and its transition).
-    fn cost(&self, point: &Self::Point, k: usize) -> f64;
+    fn cost(&self, point: &Self::Point, k: usize, scratch: &mut Self::Scratch) -> f64;
     /// ½ Σ r² of the border's own rows.
     fn border_cost(&self, _point: &Self::Point) -> f64 {
         0.0

@@ -74,6 +74,8 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 
 impl LeastSquares for Random {
     type Point = Step;
+    type Scratch = ();
+    fn scratch(&self) {}
     fn stages(&self) -> usize {
         self.rows.len()
     }
@@ -86,7 +88,7 @@ impl LeastSquares for Random {
     fn linked(&self, k: usize) -> bool {
         self.transitions[k].is_some()
     }
-    fn rows(&self, point: &Step, k: usize, rows: &mut Rows) {
+    fn rows(&self, point: &Step, k: usize, _: &mut (), rows: &mut Rows) {
         let state = &point.states[k * self.n..(k + 1) * self.n];
         for (x, p, r) in &self.rows[k] {
             let (dx, dp) = rows.push(r + dot(x, state) + dot(p, &point.border));
@@ -94,7 +96,7 @@ impl LeastSquares for Random {
             dp.copy_from_slice(p);
         }
     }
-    fn transition(&self, point: &Step, k: usize, transition: &mut Transition) {
+    fn transition(&self, point: &Step, k: usize, _: &mut (), transition: &mut Transition) {
         let state = &point.states[k * self.n..(k + 1) * self.n];
         for (i, (x, p, r, w)) in self.transitions[k].iter().flatten().enumerate() {
             let defect = r + dot(x, state) + dot(p, &point.border) - point.states[(k + 1) * self.n + i];
@@ -110,7 +112,7 @@ impl LeastSquares for Random {
     fn border_cost(&self, point: &Step) -> f64 {
         0.5 * (self.border.1 + dot(&self.border.0, &point.border)).powi(2)
     }
-    fn cost(&self, point: &Step, k: usize) -> f64 {
+    fn cost(&self, point: &Step, k: usize, _: &mut ()) -> f64 {
         let state = &point.states[k * self.n..(k + 1) * self.n];
         let rows = self.rows[k].iter().map(|(x, p, r)| r + dot(x, state) + dot(p, &point.border));
         let links = self.transitions[k].iter().flatten().enumerate().map(|(i, (x, p, r, w))| {

@@ -1,0 +1,124 @@
+//! Directions of the shared unknowns that the robot's build, or this motion, cannot show.
+
+use nalgebra::{DMatrix, Matrix3};
+use serde::{Deserialize, Serialize};
+
+use super::point::BorderLayout;
+use crate::model::{Model, SensorFrame};
+use crate::robot::Robot;
+
+/// A direction that no estimate is given for.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Unobservable {
+    /// Unit combination of parameters: name and share.
+    pub direction: Vec<(String, f64)>,
+    /// Why the data cannot show it.
+    pub reason: String,
+}
+
+/// A held direction: in the border's unknowns, and why.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Held {
+    pub direction: Vec<f64>,
+    pub reason: String,
+}
+
+/// Rates of the body that carries a gyro span fewer than two directions: turning the gyro about what they span changes no prediction.
+///
+/// This is decided by the chain alone. The information matrix cannot tell: under (26) the gyro's noise enters the column of this
+/// angle and makes it look known.
+pub(super) fn structural(model: &Model, robot: &Robot, border: &BorderLayout) -> Vec<Held> {
+    let mut held = Vec::new();
+    for (gyro, spec) in robot.gyros().enumerate() {
+        let fixed = |component: usize| {
+            let mut direction = vec![0.0; border.size()];
+            direction[border.rotation(gyro) + component] = 1.0;
+            direction
+        };
+        if !spec.rotation_free {
+            held.extend((0..3).map(|i| Held { direction: fixed(i), reason: String::new() }));
+        } else {
+            let spanned = spanned_rates(model, robot, spec.body);
+            let eigen = spanned.symmetric_eigen();
+            let mut order = [0, 1, 2];
+            order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
+            let rank = eigen.eigenvalues.iter().filter(|&&v| v > 1e-12 * eigen.eigenvalues.max().max(1e-300)).count();
+            if eigen.eigenvalues.max() <= 0.0 {
+                held.extend((0..3).map(|i| Held {
+                    direction: fixed(i),
+                    reason: format!("no joint turns the body of gyro {}", gyro + 1),
+                }));
+            } else if rank == 1 {
+                let axis = eigen.eigenvectors.column(order[0]);
+                let mut direction = vec![0.0; border.size()];
+                let sign = if axis[axis.iamax()] < 0.0 { -1.0 } else { 1.0 };
+                for i in 0..3 {
+                    direction[border.rotation(gyro) + i] = sign * axis[i];
+                }
+                let joint = &robot.joints[spec.body].name;
+                let reason = format!("rigid base: the {joint} rate is all that gyro {} sees", gyro + 1);
+                held.push(Held { direction, reason });
+            }
+        }
+        if !spec.bias_free {
+            for recording in 0..border.recordings {
+                for axis in 0..3 {
+                    let mut direction = vec![0.0; border.size()];
+                    direction[border.bias(recording, gyro) + axis] = 1.0;
+                    held.push(Held { direction, reason: String::new() });
+                }
+            }
+        }
+    }
+    held
+}
+
+/// Σ ω ωᵀ of the body over unit speeds of every joint, at positions spread over the joints' ranges.
+fn spanned_rates(model: &Model, robot: &Robot, body: usize) -> Matrix3<f64> {
+    let n = robot.joints.len();
+    let mut frame = SensorFrame::default();
+    let mut sum = Matrix3::zeros();
+    for sample in 0..8 {
+        // Corners and inner points of the ranges, another share of the range for each joint.
+        let q: Vec<f64> = robot
+            .joints
+            .iter()
+            .enumerate()
+            .map(|(j, joint)| {
+                let share = ((sample * (2 * j + 3)) % 8) as f64 / 7.0;
+                joint.limits[0] + share * (joint.limits[1] - joint.limits[0])
+            })
+            .collect();
+        frame.linearise(model.chain(), &q, &vec![0.0; n]);
+        for joint in 0..n {
+            let rate = frame.slope(body, n + joint);
+            sum += rate * rate.transpose();
+        }
+    }
+    sum
+}
+
+/// Names a direction by its parameters, largest share first, shares below a twentieth left out.
+pub(super) fn named(direction: &[f64], names: &[String]) -> Vec<(String, f64)> {
+    let norm = direction.iter().map(|v| v * v).sum::<f64>().sqrt();
+    let mut shares: Vec<_> = names
+        .iter()
+        .zip(direction)
+        .map(|(name, v)| (name.clone(), v / norm))
+        .filter(|(_, share)| share.abs() > 0.05)
+        .collect();
+    shares.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
+    shares
+}
+
+/// The Jacobian of physical parameters by the border's unknowns, square: rotations and biases are their own.
+pub(super) fn physical_slopes(model: &Model, z: &[f64], border: &BorderLayout) -> DMatrix<f64> {
+    let mut slopes = DMatrix::identity(border.size(), border.size());
+    for i in 0..border.dynamics {
+        slopes[(i, i)] = 0.0;
+        for (column, slope) in model.coordinates().physical_and_slopes(z, i).1 {
+            slopes[(i, column)] += slope;
+        }
+    }
+    slopes
+}

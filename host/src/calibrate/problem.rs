@@ -1,0 +1,443 @@
+//! The least-squares problem of a calibration, equation (33).
+//!
+//! ```text
+//! stage k            row                                          weight
+//! encoder            z − θ(t + offset)                            1/σ of the channel      (20)
+//! gyro, default      z − (R ω_body(q, q̇) + bias)                  1/σ of the channel
+//! gyro, paper        rows (22), (25)–(26), (32): see `chained`
+//! first of a run     q − θ, and at rest q̇, θ̇                      initial noise           (30)
+//! k → k+1            x[k+1] = φ(x[k], u[k], z)                    1/process noise         (31)
+//! ```
+
+use nalgebra::Vector3;
+
+use super::point::{BorderLayout, Point};
+use super::preset::{Assumptions, GyroRows};
+use super::series::Series;
+use crate::model::{Linear, Model, SensorFrame, StepSlopes, Stepper};
+use crate::robot::{ChannelKind, Robot};
+use crate::solve::{LeastSquares, Rows, Step, Transition};
+
+/// A recording (or several) under a model.
+pub struct Problem<'m> {
+    pub(super) model: &'m Model,
+    pub(super) series: &'m Series,
+    pub(super) assumptions: Assumptions,
+    pub(super) border: BorderLayout,
+    /// Sensors grouped as rows are made.
+    pub(super) rows: RowPlan,
+    /// 1/σ of each state component's step.
+    process_weight: Vec<f64>,
+    /// Whether a channel is read after the tick's start, so that rows need the accelerations.
+    late: bool,
+}
+
+/// The channels by kind: what makes one or three rows.
+#[derive(Debug, Clone, Default)]
+pub(super) struct RowPlan {
+    /// Channel, state component that it reads, and that component's derivative.
+    pub scalars: Vec<ScalarRow>,
+    pub gyros: Vec<GyroRow>,
+}
+
+/// A channel that reads one state component.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct ScalarRow {
+    pub channel: usize,
+    pub component: usize,
+    pub offset_s: f64,
+    pub weight: f64,
+}
+
+/// A gyro: three channels.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct GyroRow {
+    /// First of its three channels.
+    pub channel: usize,
+    pub gyro: usize,
+    pub body: usize,
+    pub offset_s: f64,
+    pub weight: f64,
+}
+
+impl RowPlan {
+    pub(super) fn of(series: &Series, model: &Model) -> Self {
+        let layout = model.layout();
+        let mut plan = RowPlan::default();
+        for (channel, spec) in series.channels.iter().enumerate() {
+            let (offset_s, weight) = (spec.offset_s, 1.0 / spec.sigma);
+            let component = match spec.kind {
+                ChannelKind::MotorPosition { joint } => layout.theta(joint),
+                ChannelKind::LinkPosition { joint } => layout.q(joint),
+                ChannelKind::MotorSpeed { joint } => layout.thetad(joint),
+                ChannelKind::LinkSpeed { joint } => layout.qd(joint),
+                ChannelKind::GyroAxis { gyro, body, axis } => {
+                    if axis == 0 {
+                        plan.gyros.push(GyroRow { channel, gyro, body, offset_s, weight });
+                    }
+                    continue;
+                }
+            };
+            plan.scalars.push(ScalarRow { channel, component, offset_s, weight });
+        }
+        plan
+    }
+}
+
+/// Intermediate values of one thread.
+pub struct Scratch {
+    pub(super) stepper: Stepper,
+    pub(super) slopes: StepSlopes,
+    pub(super) linear: Linear,
+    pub(super) frame: SensorFrame,
+    pub(super) next: Vec<f64>,
+    /// State and its derivative at the instant of a reading.
+    pub(super) at: Vec<f64>,
+}
+
+impl<'m> Problem<'m> {
+    /// The problem of `series` under `model`.
+    pub fn new(model: &'m Model, robot: &Robot, series: &'m Series, assumptions: Assumptions) -> Self {
+        let layout = model.layout();
+        let noise = assumptions.process;
+        let mut process_weight = vec![0.0; layout.size()];
+        for i in 0..layout.joints() {
+            process_weight[layout.q(i)] = 1.0 / noise.position;
+            process_weight[layout.qd(i)] = 1.0 / noise.link_speed;
+            if layout.is_elastic(i) {
+                process_weight[layout.theta(i)] = 1.0 / noise.position;
+                process_weight[layout.thetad(i)] = 1.0 / noise.motor_speed;
+            }
+        }
+        let border = BorderLayout {
+            dynamics: model.coordinates().len(),
+            gyros: robot.gyros().count(),
+            recordings: series.recordings.len(),
+        };
+        let rows = RowPlan::of(series, model);
+        let late = series.channels.iter().any(|c| c.offset_s != 0.0);
+        Problem { model, series, assumptions, border, rows, process_weight, late }
+    }
+
+    /// Where the shared unknowns stand.
+    pub fn border(&self) -> &BorderLayout {
+        &self.border
+    }
+
+    /// Number of residual rows, for degrees of freedom.
+    pub fn row_count(&self, point: &Point<'m>) -> usize {
+        let mut scratch = self.scratch();
+        let mut count = 0;
+        for k in 0..self.series.stages() {
+            self.sensor_rows(point, k, &mut scratch, false, &mut |_| count += 1);
+            self.initial_rows(point, k, &mut |_| count += 1);
+            if self.linked(k) {
+                count += self.model.layout().size();
+            }
+        }
+        count
+    }
+
+    /// Calls `row` with every sensor row of stage k: residual, weight and, if asked for, what it depends on.
+    pub(super) fn sensor_rows(
+        &self,
+        point: &Point<'m>,
+        k: usize,
+        scratch: &mut Scratch,
+        with_slopes: bool,
+        row: &mut impl FnMut(Row<'_>),
+    ) {
+        let x = point.state(k);
+        let measured = self.series.measured(k);
+        if self.late {
+            if with_slopes {
+                point.dynamics.linearise(x, self.series.input(k), &mut scratch.linear);
+            } else {
+                scratch.linear.xdot.resize(x.len(), 0.0);
+                point.dynamics.derivative(x, self.series.input(k), &mut scratch.linear.xdot);
+            }
+        }
+        for scalar in &self.rows.scalars {
+            let value = measured[scalar.channel];
+            if value.is_nan() {
+                continue;
+            }
+            let mut predicted = x[scalar.component];
+            if scalar.offset_s != 0.0 {
+                predicted += scalar.offset_s * scratch.linear.xdot[scalar.component];
+            }
+            row(Row {
+                channel: Some(scalar.channel),
+                residual: predicted - value,
+                weight: scalar.weight,
+                depends: Depends::Component { component: scalar.component, offset_s: scalar.offset_s },
+                linear: &scratch.linear,
+            });
+        }
+        match self.assumptions.gyro_rows {
+            GyroRows::RigidBase => self.rigid_base_rows(point, k, scratch, with_slopes, row),
+            GyroRows::Chained => self.chained_rows(point, k, scratch, with_slopes, row),
+        }
+    }
+
+    /// All axes of all gyros from the state on a base at rest.
+    fn rigid_base_rows(
+        &self,
+        point: &Point<'m>,
+        k: usize,
+        scratch: &mut Scratch,
+        with_slopes: bool,
+        row: &mut impl FnMut(Row<'_>),
+    ) {
+        let n = self.model.layout().joints();
+        let x = point.state(k);
+        let measured = self.series.measured(k);
+        let recording = self.series.recording_of(k);
+        let mut evaluated_at = f64::NAN;
+        for gyro in &self.rows.gyros {
+            let value = Vector3::from_column_slice(&measured[gyro.channel..gyro.channel + 3]);
+            if value.iter().all(|v| v.is_nan()) {
+                continue;
+            }
+            if gyro.offset_s != evaluated_at {
+                evaluated_at = gyro.offset_s;
+                let Scratch { at, linear, frame, .. } = scratch;
+                at.clear();
+                at.extend_from_slice(&x[..2 * n]);
+                if gyro.offset_s != 0.0 {
+                    for (at, xdot) in at.iter_mut().zip(&linear.xdot) {
+                        *at += gyro.offset_s * xdot;
+                    }
+                }
+                let (q, qd) = at.split_at(n);
+                if with_slopes {
+                    frame.linearise(self.model.chain(), q, qd);
+                } else {
+                    frame.rates(self.model.chain(), q, qd);
+                }
+            }
+            let rotation = &point.rotations[gyro.gyro];
+            let (predicted, slopes) =
+                scratch.frame.gyro(gyro.body, rotation, &point.biases[recording][gyro.gyro]);
+            for axis in 0..3 {
+                if value[axis].is_nan() {
+                    continue;
+                }
+                let sensor_axis: [f64; 3] = std::array::from_fn(|j| rotation[(axis, j)]);
+                row(Row {
+                    channel: Some(gyro.channel + axis),
+                    residual: predicted[axis] - value[axis],
+                    weight: gyro.weight,
+                    depends: Depends::BodyRate {
+                        frame: &scratch.frame,
+                        body: gyro.body,
+                        sensor_axis,
+                        offset_s: gyro.offset_s,
+                        bias: self.border.bias(recording, gyro.gyro) + axis,
+                        rotation: self.border.rotation(gyro.gyro),
+                        by_rotation: std::array::from_fn(|j| slopes.by_rotation[(axis, j)]),
+                    },
+                    linear: &scratch.linear,
+                });
+            }
+        }
+    }
+
+    /// What is known of the first state of a run: (component, reference component or value, 1/σ) → residual and gradient.
+    fn initial_rows(&self, point: &Point<'m>, k: usize, row: &mut impl FnMut(InitialRow)) {
+        if !self.series.starts_run(k) {
+            return;
+        }
+        let layout = self.model.layout();
+        let noise = self.assumptions.initial;
+        let x = point.state(k);
+        for i in (0..layout.joints()).filter(|&i| layout.is_elastic(i)) {
+            let (q, theta) = (layout.q(i), layout.theta(i));
+            row(InitialRow {
+                residual: (x[q] - x[theta]) / noise.windup,
+                gradient: [(q, 1.0 / noise.windup), (theta, -1.0 / noise.windup)],
+            });
+        }
+        let recording = self.series.recording_of(k);
+        let rest = &self.series.rest[recording];
+        if rest.start == k && rest.len() >= SHORTEST_REST {
+            for i in 0..layout.joints() {
+                let mut at_rest = |speed: usize| {
+                    row(InitialRow {
+                        residual: x[speed] / noise.speed,
+                        gradient: [(speed, 1.0 / noise.speed), (speed, 0.0)],
+                    });
+                };
+                at_rest(layout.qd(i));
+                if layout.is_elastic(i) {
+                    at_rest(layout.thetad(i));
+                }
+            }
+        }
+    }
+}
+
+/// A recording that starts with at least this many samples without input is taken to start at rest.
+pub(super) const SHORTEST_REST: usize = 100;
+
+/// A whitened row of (30).
+struct InitialRow {
+    residual: f64,
+    gradient: [(usize, f64); 2],
+}
+
+/// A sensor row before weighting.
+pub(super) struct Row<'a> {
+    /// The channel it predicts, if it predicts one.
+    pub channel: Option<usize>,
+    /// Predicted − measured, in the channel's unit.
+    pub residual: f64,
+    /// 1/σ.
+    pub weight: f64,
+    /// Where its derivatives are.
+    pub depends: Depends<'a>,
+    /// Derivatives of ẋ at the stage, for rows that are read late.
+    pub linear: &'a Linear,
+}
+
+/// What a sensor row depends on.
+pub(super) enum Depends<'a> {
+    /// One state component, `offset_s` later.
+    Component { component: usize, offset_s: f64 },
+    /// One axis of a gyro on a base at rest, `offset_s` later.
+    BodyRate {
+        frame: &'a SensorFrame,
+        body: usize,
+        /// Row of R.
+        sensor_axis: [f64; 3],
+        offset_s: f64,
+        /// Border columns.
+        bias: usize,
+        rotation: usize,
+        by_rotation: [f64; 3],
+    },
+    /// Anything else, written out: (state component, slope) and (border column, slope).
+    Listed { states: &'a [(usize, f64)], border: &'a [(usize, f64)] },
+}
+
+impl Depends<'_> {
+    /// Adds the weighted derivatives to a row `(∂r/∂x, ∂r/∂p)`.
+    fn fill(&self, weight: f64, linear: &Linear, size: usize, joints: usize, dx: &mut [f64], dp: &mut [f64]) {
+        // slope · δ(component, offset_s later): the component itself and offset times its time derivative
+        let later = |slope: f64, component: usize, offset_s: f64, dx: &mut [f64], dp: &mut [f64]| {
+            dx[component] += slope;
+            if offset_s != 0.0 {
+                let columns = linear.slopes.len() / size;
+                let row = &linear.slopes[component * columns..(component + 1) * columns];
+                for (d, l) in dx.iter_mut().zip(&row[..size]) {
+                    *d += slope * offset_s * l;
+                }
+                for (d, l) in dp.iter_mut().zip(&row[size..]) {
+                    *d += slope * offset_s * l;
+                }
+            }
+        };
+        match *self {
+            Depends::Component { component, offset_s } => later(weight, component, offset_s, dx, dp),
+            Depends::BodyRate { frame, body, sensor_axis, offset_s, bias, rotation, by_rotation } => {
+                for column in 0..2 * joints {
+                    let slope = frame.slope(body, column).dot(&Vector3::from(sensor_axis));
+                    if slope != 0.0 {
+                        later(weight * slope, column, offset_s, dx, dp);
+                    }
+                }
+                dp[bias] += weight;
+                for (axis, slope) in by_rotation.into_iter().enumerate() {
+                    dp[rotation + axis] += weight * slope;
+                }
+            }
+            Depends::Listed { states, border } => {
+                for &(component, slope) in states {
+                    dx[component] += weight * slope;
+                }
+                for &(column, slope) in border {
+                    dp[column] += weight * slope;
+                }
+            }
+        }
+    }
+}
+
+impl<'m> LeastSquares for Problem<'m> {
+    type Point = Point<'m>;
+    type Scratch = Scratch;
+
+    fn scratch(&self) -> Scratch {
+        Scratch {
+            stepper: Stepper::new(self.assumptions.integrator),
+            slopes: StepSlopes::default(),
+            linear: Linear::default(),
+            frame: SensorFrame::default(),
+            next: vec![0.0; self.model.layout().size()],
+            at: Vec::new(),
+        }
+    }
+
+    fn stages(&self) -> usize {
+        self.series.stages()
+    }
+
+    fn stage_size(&self) -> usize {
+        self.model.layout().size()
+    }
+
+    fn border_size(&self) -> usize {
+        self.border.size()
+    }
+
+    fn linked(&self, k: usize) -> bool {
+        !self.series.duration_s(k).is_nan()
+    }
+
+    fn rows(&self, point: &Point<'m>, k: usize, scratch: &mut Scratch, rows: &mut Rows) {
+        let (size, joints) = (self.stage_size(), self.model.layout().joints());
+        self.sensor_rows(point, k, scratch, true, &mut |row| {
+            let (dx, dp) = rows.push(row.weight * row.residual);
+            row.depends.fill(row.weight, row.linear, size, joints, dx, dp);
+        });
+        self.initial_rows(point, k, &mut |row| {
+            let (dx, _) = rows.push(row.residual);
+            for (component, slope) in row.gradient {
+                dx[component] += slope;
+            }
+        });
+    }
+
+    fn transition(&self, point: &Point<'m>, k: usize, scratch: &mut Scratch, transition: &mut Transition) {
+        let Scratch { stepper, slopes, .. } = scratch;
+        let duration_s = self.series.duration_s(k);
+        stepper.step_slopes(&point.dynamics, point.state(k), self.series.input(k), duration_s, slopes);
+        let (size, columns) = (point.dynamics.size(), point.dynamics.columns());
+        let after = point.state(k + 1);
+        for i in 0..size {
+            let (dx, dp) = transition.row(i, self.process_weight[i], slopes.next[i] - after[i]);
+            let row = &slopes.slopes[i * columns..(i + 1) * columns];
+            dx.copy_from_slice(&row[..size]);
+            dp[..columns - size].copy_from_slice(&row[size..]);
+        }
+    }
+
+    fn cost(&self, point: &Point<'m>, k: usize, scratch: &mut Scratch) -> f64 {
+        let mut sum = 0.0;
+        self.sensor_rows(point, k, scratch, false, &mut |row| sum += (row.weight * row.residual).powi(2));
+        self.initial_rows(point, k, &mut |row| sum += row.residual * row.residual);
+        if self.linked(k) {
+            let Scratch { stepper, next, .. } = scratch;
+            let duration_s = self.series.duration_s(k);
+            stepper.step(&point.dynamics, point.state(k), self.series.input(k), duration_s, next);
+            for ((next, after), weight) in next.iter().zip(point.state(k + 1)).zip(&self.process_weight) {
+                sum += (weight * (next - after)).powi(2);
+            }
+        }
+        0.5 * sum
+    }
+
+    fn retract(&self, point: &Point<'m>, step: &Step) -> Point<'m> {
+        point.moved(step, &self.border, |z| self.model.at(z))
+    }
+}

@@ -1,0 +1,144 @@
+//! CAL.json: the result of a calibration, as other programs read it.
+
+use serde::{Deserialize, Serialize};
+
+use super::observability::Unobservable;
+use super::preset::Preset;
+
+/// How a calibration ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Status {
+    /// The cost changed by less than 1e-9 of itself.
+    Converged,
+    /// No further step helps, and little is left to gain.
+    Almost,
+    /// No further step helps, though one should.
+    NoProgress,
+    /// The iterations were used up.
+    IterationLimit,
+    /// Converged, but the motion does not determine some parameters; see `unobservable`.
+    Unidentifiable,
+}
+
+impl Status {
+    /// Whether the estimates may be used.
+    pub fn is_usable(self) -> bool {
+        matches!(self, Status::Converged | Status::Almost | Status::Unidentifiable)
+    }
+}
+
+/// The result of a calibration.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Calibration {
+    /// Name of the robot.
+    pub robot: String,
+    /// The description that was used, as TOML, so that the result stands alone.
+    pub robot_toml: String,
+    /// Assumptions.
+    pub preset: Preset,
+    /// Ids of effects that extend the base model.
+    pub extensions: Vec<String>,
+    /// What was calibrated on.
+    pub recordings: Vec<RecordingUsed>,
+    /// How it ended.
+    pub status: Status,
+    /// Factorisations.
+    pub iterations: usize,
+    /// ½ Σ r² at the estimate.
+    pub cost: f64,
+    /// Rows less unknowns.
+    pub dof: f64,
+    /// Where the time went.
+    pub seconds: Seconds,
+    /// Every free parameter.
+    pub parameters: Vec<ParameterEstimate>,
+    /// What the data cannot show; held at its start value.
+    pub unobservable: Vec<Unobservable>,
+    /// Matrices that take body axes to sensor axes, by gyro (`imu1` …), by rows.
+    pub rotations: std::collections::BTreeMap<String, [[f64; 3]; 3]>,
+    /// Noise that was assumed for each channel, and how the residuals compare with it.
+    pub noise: Vec<ChannelNoise>,
+    /// How well the smoothed states fit each channel.
+    pub fit: Vec<ChannelFit>,
+    /// The estimated first state of each recording, in the order (q, q̇, θ, θ̇): x₀ of the paper's section 5.2.
+    pub first_states: Vec<Vec<f64>>,
+}
+
+/// A recording that went into a calibration.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RecordingUsed {
+    /// Its file.
+    pub path: String,
+    /// SHA-256 of the file.
+    pub sha256: String,
+    /// Samples.
+    pub samples: usize,
+    /// Places where ticks are missing: the chain breaks there.
+    pub gaps: usize,
+    /// Ticks that are missing.
+    pub missing_ticks: u64,
+}
+
+/// Seconds spent.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Seconds {
+    /// First guess of the states.
+    pub start: f64,
+    /// Linearising and eliminating the states, in one sweep.
+    pub factor: f64,
+    /// Trial steps.
+    pub solve: f64,
+    /// Everything, results included.
+    pub total: f64,
+}
+
+/// One parameter. Without an identifiable estimate there is no interval.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ParameterEstimate {
+    /// Name, as `k_s[2]`.
+    pub name: String,
+    /// Unit.
+    pub unit: String,
+    /// Start value.
+    pub initial: f64,
+    /// Estimate.
+    pub estimate: f64,
+    /// Standard error; null where not identifiable.
+    pub std_error: Option<f64>,
+    /// 95 % interval; null where not identifiable.
+    pub ci95: Option<[f64; 2]>,
+    /// Whether the data determine it.
+    pub identifiable: bool,
+}
+
+/// Assumed noise of a channel.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ChannelNoise {
+    /// Channel, as `gyro1.x`.
+    pub channel: String,
+    /// Unit.
+    pub unit: String,
+    /// Assumed standard deviation.
+    pub sigma: f64,
+    /// Mean square of the residual over σ²; about 1 when the assumption holds. Null where the preset makes no row of this channel.
+    pub chi2_per_dof: Option<f64>,
+}
+
+/// Fit of a channel.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ChannelFit {
+    /// Channel.
+    pub channel: String,
+    /// Root mean square of the residual, in the channel's unit. Null where the preset makes no row of this channel.
+    pub rms: Option<f64>,
+    /// The same as a share of the channel's standard deviation.
+    pub nrmse: Option<f64>,
+}
+
+impl Calibration {
+    /// The estimate of a parameter by name.
+    pub fn parameter(&self, name: &str) -> Option<&ParameterEstimate> {
+        self.parameters.iter().find(|parameter| parameter.name == name)
+    }
+}

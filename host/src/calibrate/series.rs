@@ -1,0 +1,104 @@
+//! The samples of one or more recordings as one chain of stages, with breaks where ticks are missing.
+
+use std::ops::Range;
+
+use crate::recording::Recording;
+use crate::robot;
+
+/// Stages of all recordings one after the other, in the layout that the solver's loop reads.
+#[derive(Debug, Clone)]
+pub struct Series {
+    /// Measured columns, the same for all recordings.
+    pub channels: Vec<robot::Channel>,
+    /// `[k · channels + c]`; NaN where there is no valid reading.
+    measured: Vec<f64>,
+    /// `[k · joints + j]`, in the unit of the robot's input.
+    input: Vec<f64>,
+    /// Time to the next stage, s; NaN where the chain breaks.
+    duration_s: Vec<f64>,
+    /// Which stages each recording has.
+    pub recordings: Vec<Range<usize>>,
+    /// Runs of stages without a gap.
+    pub segments: Vec<Range<usize>>,
+    /// The stages at rest at the start of each recording.
+    pub rest: Vec<Range<usize>>,
+    joints: usize,
+}
+
+impl Series {
+    /// Joins recordings of the same robot.
+    pub fn of(recordings: &[&Recording]) -> Self {
+        let (channels, joints) = recordings
+            .first()
+            .map_or((Vec::new(), 0), |r| (r.channels.iter().map(|c| c.spec.clone()).collect(), r.duty.len()));
+        let stages = recordings.iter().map(|r| r.len()).sum();
+        let mut series = Series {
+            measured: Vec::with_capacity(stages * channels.len()),
+            input: Vec::with_capacity(stages * joints),
+            duration_s: Vec::with_capacity(stages),
+            recordings: Vec::new(),
+            segments: Vec::new(),
+            rest: Vec::new(),
+            channels,
+            joints,
+        };
+        for recording in recordings {
+            series.push(recording);
+        }
+        series
+    }
+
+    fn push(&mut self, recording: &Recording) {
+        let first = self.stages();
+        for k in 0..recording.len() {
+            self.measured.extend(recording.channels.iter().map(|c| c.values[k]));
+            self.input.extend(recording.duty.iter().map(|duty| duty[k]));
+        }
+        let shifted = |range: Range<usize>| first + range.start..first + range.end;
+        for segment in recording.segments() {
+            for k in segment.clone() {
+                let last = k + 1 == segment.end;
+                let step_us = if last { f64::NAN } else { (recording.t_us[k + 1] - recording.t_us[k]) as f64 };
+                self.duration_s.push(step_us * 1e-6);
+            }
+            self.segments.push(shifted(segment));
+        }
+        self.recordings.push(first..first + recording.len());
+        self.rest.push(shifted(recording.rest_window()));
+    }
+
+    /// Number of stages.
+    pub fn stages(&self) -> usize {
+        self.duration_s.len()
+    }
+
+    /// Number of joints.
+    pub fn joints(&self) -> usize {
+        self.joints
+    }
+
+    /// Measurements of stage k, one a channel.
+    pub fn measured(&self, k: usize) -> &[f64] {
+        &self.measured[k * self.channels.len()..(k + 1) * self.channels.len()]
+    }
+
+    /// Input from stage k to the next, one a joint.
+    pub fn input(&self, k: usize) -> &[f64] {
+        &self.input[k * self.joints..(k + 1) * self.joints]
+    }
+
+    /// Time from stage k to the next, s; NaN where the chain breaks.
+    pub fn duration_s(&self, k: usize) -> f64 {
+        self.duration_s[k]
+    }
+
+    /// Whether stage k is the first of a run.
+    pub fn starts_run(&self, k: usize) -> bool {
+        k == 0 || self.duration_s[k - 1].is_nan()
+    }
+
+    /// The recording that stage k belongs to.
+    pub fn recording_of(&self, k: usize) -> usize {
+        self.recordings.partition_point(|range| range.end <= k)
+    }
+}

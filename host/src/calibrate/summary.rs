@@ -1,0 +1,213 @@
+//! From the solution of the least-squares problem to the result that users read.
+
+use std::collections::BTreeMap;
+
+use nalgebra::DMatrix;
+
+use super::observability::{self, Held};
+use super::point::{BorderLayout, Point};
+use super::problem::Problem;
+use super::{Calibration, ChannelFit, ChannelNoise, ParameterEstimate, Preset, RecordingUsed, Seconds, Status};
+use super::Unobservable;
+use crate::model::rotation;
+use crate::recording::Recording;
+use crate::robot::Robot;
+use crate::solve::LeastSquares;
+use crate::solve::border::Border;
+use crate::solve::levenberg::{self, Solution};
+
+/// Two-sided 95 % of the normal distribution.
+const NORMAL_95: f64 = 1.959_963_984_540_054;
+
+const AXES: [&str; 3] = ["x", "y", "z"];
+
+/// What went into a calibration.
+pub(super) fn used(recording: &Recording) -> RecordingUsed {
+    RecordingUsed {
+        path: recording.source.path.clone(),
+        sha256: recording.source.sha256.clone(),
+        samples: recording.len(),
+        gaps: recording.gaps(),
+        missing_ticks: recording.missing_ticks(),
+    }
+}
+
+/// A name, unit, start value and estimate for every column of the border.
+struct Column {
+    name: String,
+    unit: &'static str,
+    initial: f64,
+    estimate: f64,
+}
+
+fn columns(problem: &Problem<'_>, robot: &Robot, start: &Point<'_>, end: &Point<'_>) -> Vec<Column> {
+    let coordinates = problem.model.coordinates();
+    let (initial, estimate) = (coordinates.to_physical(&start.z), coordinates.to_physical(&end.z));
+    let mut columns: Vec<Column> = coordinates
+        .iter()
+        .zip(initial.into_iter().zip(estimate))
+        .map(|(c, (initial, estimate))| Column { name: c.spec.name.clone(), unit: c.spec.unit, initial, estimate })
+        .collect();
+    for (gyro, spec) in robot.gyros().enumerate() {
+        let nominal = nalgebra::Matrix3::from_fn(|i, j| spec.rotation[i][j]);
+        let delta = rotation::boxminus(&end.rotations[gyro], &nominal);
+        for (axis, letter) in AXES.iter().enumerate() {
+            let name = format!("R_imu{}[{letter}]", gyro + 1);
+            columns.push(Column { name, unit: "rad", initial: 0.0, estimate: delta[axis] });
+        }
+    }
+    let many = end.biases.len() > 1;
+    for (recording, biases) in end.biases.iter().enumerate() {
+        for (gyro, bias) in biases.iter().enumerate() {
+            for (axis, letter) in AXES.iter().enumerate() {
+                let suffix = if many { format!("@{}", recording + 1) } else { String::new() };
+                let name = format!("bias{}[{letter}]{suffix}", gyro + 1);
+                let initial = start.biases[recording][gyro][axis];
+                columns.push(Column { name, unit: "rad/s", initial, estimate: bias[axis] });
+            }
+        }
+    }
+    columns
+}
+
+/// The covariance of the physical parameters: of the rotations relative to their nominal values too.
+fn physical_covariance(problem: &Problem<'_>, end: &Point<'_>, border: &Border) -> Option<DMatrix<f64>> {
+    let slopes = observability::physical_slopes(problem.model, &end.z, problem.border());
+    Some(&slopes * border.covariance()? * slopes.transpose())
+}
+
+/// Everything of the result that the solution holds.
+pub(super) fn summarise<'m>(
+    robot: &Robot,
+    problem: &Problem<'m>,
+    start: &Point<'m>,
+    solution: &Solution<Point<'m>>,
+    border: &Border,
+    held: &[Held],
+) -> Calibration {
+    let end = &solution.point;
+    let columns = columns(problem, robot, start, end);
+    let covariance = physical_covariance(problem, end, border);
+    let slopes = observability::physical_slopes(problem.model, &end.z, problem.border());
+    let names: Vec<String> = columns.iter().map(|column| column.name.clone()).collect();
+    let known = held.iter().filter(|held| held.reason.is_empty()).map(|held| &held.direction).collect::<Vec<_>>();
+    let mut estimates: Vec<(usize, ParameterEstimate)> = columns
+        .into_iter()
+        .enumerate()
+        .filter(|(i, _)| !known.iter().any(|direction| direction[*i] == 1.0))
+        .map(|(i, column)| {
+            let identifiable = !(0..names.len()).any(|j| slopes[(i, j)] != 0.0 && border.touches_held(j));
+            let std_error = covariance
+                .as_ref()
+                .map(|covariance| covariance[(i, i)].sqrt())
+                .filter(|error| identifiable && error.is_finite());
+            let interval = |error: f64| {
+                [column.estimate - NORMAL_95 * error, column.estimate + NORMAL_95 * error]
+            };
+            let estimate = ParameterEstimate {
+                name: column.name,
+                unit: column.unit.to_string(),
+                initial: column.initial,
+                estimate: column.estimate,
+                ci95: std_error.map(interval),
+                std_error,
+                identifiable: std_error.is_some(),
+            };
+            (place_in_results(i, problem.border()), estimate)
+        })
+        .collect();
+    estimates.sort_by_key(|(place, _)| *place);
+    let unobservable = held
+        .iter()
+        .filter(|held| !held.reason.is_empty())
+        .map(|held| Unobservable {
+            direction: observability::named(&held.direction, &names),
+            reason: held.reason.clone(),
+        })
+        .collect();
+    let rotations: BTreeMap<_, _> = end
+        .rotations
+        .iter()
+        .enumerate()
+        .map(|(gyro, r)| {
+            (format!("imu{}", gyro + 1), std::array::from_fn(|i| std::array::from_fn(|j| r[(i, j)])))
+        })
+        .collect();
+    let (noise, fit) = channels(problem, end);
+    let unknowns = problem.stages() * problem.stage_size() + problem.border_size() - held.len();
+    Calibration {
+        robot: robot.name.clone(),
+        robot_toml: robot.toml().to_string(),
+        preset: Preset::Default,
+        extensions: Vec::new(),
+        recordings: Vec::new(),
+        status: match solution.status {
+            levenberg::Status::Converged => Status::Converged,
+            levenberg::Status::Almost => Status::Almost,
+            levenberg::Status::NoProgress => Status::NoProgress,
+            levenberg::Status::IterationLimit => Status::IterationLimit,
+        },
+        iterations: solution.iterations.len(),
+        cost: solution.cost,
+        dof: problem.row_count(end) as f64 - unknowns as f64,
+        seconds: Seconds { start: 0.0, factor: 0.0, solve: 0.0, total: 0.0 },
+        parameters: estimates.into_iter().map(|(_, estimate)| estimate).collect(),
+        unobservable,
+        rotations,
+        noise,
+        fit,
+        first_states: problem.series.recordings.iter().map(|range| end.state(range.start).to_vec()).collect(),
+    }
+}
+
+/// Results list biases before rotations, as the paper's (15) does.
+fn place_in_results(column: usize, border: &BorderLayout) -> (usize, usize) {
+    let first_bias = border.dynamics + 3 * border.gyros;
+    match column {
+        c if c < border.dynamics => (0, c),
+        c if c < first_bias => (2, c),
+        c => (1, c),
+    }
+}
+
+/// Residuals of every channel at the smoothed states.
+fn channels(problem: &Problem<'_>, end: &Point<'_>) -> (Vec<ChannelNoise>, Vec<ChannelFit>) {
+    let specs = &problem.series.channels;
+    let mut residual = vec![(0usize, 0.0); specs.len()];
+    let mut spread = vec![(0usize, 0.0, 0.0); specs.len()];
+    let mut scratch = problem.scratch();
+    for k in 0..problem.stages() {
+        problem.sensor_rows(end, k, &mut scratch, false, &mut |row| {
+            if let Some(channel) = row.channel {
+                residual[channel].0 += 1;
+                residual[channel].1 += row.residual * row.residual;
+            }
+        });
+        for (spread, value) in spread.iter_mut().zip(problem.series.measured(k)) {
+            if value.is_finite() {
+                spread.0 += 1;
+                spread.1 += value;
+                spread.2 += value * value;
+            }
+        }
+    }
+    let mut noise = Vec::new();
+    let mut fit = Vec::new();
+    for (spec, ((rows, squares), (count, sum, sum_squares))) in specs.iter().zip(residual.into_iter().zip(spread)) {
+        let mean_square = (rows > 0).then(|| squares / rows as f64);
+        let mean = sum / count as f64;
+        let deviation = (sum_squares / count as f64 - mean * mean).max(0.0).sqrt();
+        noise.push(ChannelNoise {
+            channel: spec.name.clone(),
+            unit: spec.unit.to_string(),
+            sigma: spec.sigma,
+            chi2_per_dof: mean_square.map(|square| square / (spec.sigma * spec.sigma)),
+        });
+        fit.push(ChannelFit {
+            channel: spec.name.clone(),
+            rms: mean_square.map(f64::sqrt),
+            nrmse: mean_square.filter(|_| deviation > 0.0).map(|square| square.sqrt() / deviation),
+        });
+    }
+    (noise, fit)
+}
