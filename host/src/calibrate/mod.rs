@@ -135,7 +135,7 @@ pub fn calibrate(
 fn check(robot: &Robot, recordings: &[&Recording], preset: Preset) -> Result<(), CalibrateError> {
     let first = recordings.first().ok_or(CalibrateError::NoRecording)?;
     for recording in recordings {
-        let path = recording.source.path.clone();
+        let path = recording.source.path.display().to_string();
         if recording.len() < FEWEST_SAMPLES {
             return Err(CalibrateError::TooShort { path, samples: recording.len(), least: FEWEST_SAMPLES });
         }

@@ -24,7 +24,7 @@ const AXES: [&str; 3] = ["x", "y", "z"];
 /// What went into a calibration.
 pub(super) fn used(recording: &Recording) -> RecordingUsed {
     RecordingUsed {
-        path: recording.source.path.clone(),
+        path: recording.source.path.display().to_string(),
         sha256: recording.source.sha256.clone(),
         samples: recording.len(),
         gaps: recording.gaps(),
@@ -91,7 +91,7 @@ pub(super) fn summarise<'m>(
     let slopes = observability::physical_slopes(problem.model, &end.z, problem.border());
     let names: Vec<String> = columns.iter().map(|column| column.name.clone()).collect();
     let known = held.iter().filter(|held| held.reason.is_empty()).map(|held| &held.direction).collect::<Vec<_>>();
-    let mut estimates: Vec<(usize, ParameterEstimate)> = columns
+    let mut estimates: Vec<((usize, usize), ParameterEstimate)> = columns
         .into_iter()
         .enumerate()
         .filter(|(i, _)| !known.iter().any(|direction| direction[*i] == 1.0))

@@ -10,6 +10,7 @@
 //! What every verb shares: [`Exit`] and [`Failure`] (how it ends), [`Ui`] (text, progress, log: stderr only; stdout
 //! carries results), [`NewFile`], [`LiveFile`] and [`ResultArgs`] (files that are never overwritten unasked).
 
+mod calibrate;
 mod completions;
 mod export;
 mod import;
@@ -42,6 +43,7 @@ struct Cli {
 #[derive(Debug, Subcommand)]
 enum Verb {
     Import(import::Args),
+    Calibrate(calibrate::Args),
     Export(export::Args),
     Repair(repair::Args),
     Completions(completions::Args),
@@ -55,6 +57,7 @@ pub fn main() -> ExitCode {
     let ui = Ui::new(&cli.ui);
     let ended = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| match cli.verb {
         Verb::Import(args) => import::run(args, &ui),
+        Verb::Calibrate(args) => calibrate::run(args, &ui),
         Verb::Export(args) => export::run(args, &ui),
         Verb::Repair(args) => repair::run(args, &ui),
         Verb::Completions(args) => completions::run(args, &ui),

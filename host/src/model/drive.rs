@@ -123,12 +123,12 @@ impl Drive {
         }
     }
 
-    /// τ_f / μ, equation (12): 2 (1/(1+exp(−κ v)) − ½) = tanh(κ v / 2).
+    /// τ_f / μ, equation (12).
     fn coulomb_sign<T: Scalar>(&self, s: &Sides<T>) -> T {
         match self.friction {
             Friction::None => T::from(0.0),
-            Friction::Coulomb { speed: Side::Motor, slope_s } => (s.thetad * (0.5 * slope_s)).tanh(),
-            Friction::Coulomb { speed: Side::Link, slope_s } => (s.qd * (0.5 * slope_s)).tanh(),
+            Friction::Coulomb { speed: Side::Motor, slope_s } => sigmoid(s.thetad * slope_s),
+            Friction::Coulomb { speed: Side::Link, slope_s } => sigmoid(s.qd * slope_s),
         }
     }
 
@@ -148,5 +148,34 @@ impl Drive {
             - c.back_emf * s.thetad
             - c.coulomb * self.coulomb_sign(s);
         RigidAction { torque, inertia: c.inertia }
+    }
+}
+
+/// 2 (1/(1+exp(−a)) − ½), with an exponential that never overflows: at 4 rad/s the printed one does, and its derivative is not a number.
+fn sigmoid<T: Scalar>(a: T) -> T {
+    let one = T::from(1.0);
+    if a.re() >= 0.0 {
+        let e = (-a).exp();
+        (one - e) / (one + e)
+    } else {
+        let e = a.exp();
+        (e - one) / (one + e)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use num_dual::Dual64;
+
+    #[test]
+    fn the_sigmoid_and_its_slope_are_finite_at_any_speed() {
+        for a in [-1e6, -1500.0, -3.0, -1e-9, 0.0, 1e-9, 0.7, 1500.0, 1e6] {
+            let value = sigmoid(Dual64::new(a, 1.0));
+            let slope = 0.5 / (0.5 * a).cosh().powi(2);
+            // rtol 1e-12 with atol 1e-14 for what underflows
+            assert!((value.re - (0.5 * a).tanh()).abs() <= 1e-14, "{a}: {value}");
+            assert!((value.eps - slope).abs() <= 1e-14 + 1e-12 * slope, "{a}: {value} against slope {slope}");
+        }
     }
 }

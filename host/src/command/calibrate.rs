@@ -1,0 +1,97 @@
+//! `host calibrate`: parameters from recordings.
+
+use std::path::PathBuf;
+
+use super::{Exit, Failure, ResultArgs, Ui, read_failure, robot_failure};
+use crate::calibrate::{CalibrateError, Calibration, Preset, Status, calibrate};
+use crate::recording::{self, Recording};
+use crate::robot::Robot;
+use crate::solve::levenberg::Settings;
+
+/// Calibrate the elastic-joint model on one or more recordings
+///
+/// All states of all samples and the shared parameters are estimated together by least squares. Ticks that are missing
+/// break the chain of states; nothing is interpolated. Several recordings share all parameters but the gyros' biases.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Recordings of one robot
+    #[arg(value_name = "RUN", required = true)]
+    recordings: Vec<PathBuf>,
+    /// Another description of the robot than the one in the recording: a built-in name or a file
+    #[arg(long, value_name = "ROBOT")]
+    robot: Option<String>,
+    /// Assumptions: `default`, or `paper` to reproduce the paper with its biases
+    #[arg(long, value_enum, default_value_t = Preset::Default)]
+    preset: Preset,
+    #[command(flatten)]
+    result: ResultArgs,
+}
+
+/// Reads, calibrates, writes the result, prints the table of parameters.
+pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
+    let outputs = args.result.claim()?;
+    let other = args.robot.as_deref().map(Robot::load).transpose().map_err(robot_failure)?;
+    let recordings = args
+        .recordings
+        .iter()
+        .map(|path| recording::read(path).map_err(read_failure))
+        .collect::<Result<Vec<Recording>, _>>()?;
+    let robot = other.unwrap_or_else(|| recordings[0].robot.clone()); // clap asks for at least one recording
+    let calibration = solve(&robot, &recordings.iter().collect::<Vec<_>>(), args.preset, ui)?;
+    print_table(ui, &calibration);
+    outputs.finish(ui, &calibration, String::new)?;
+    Ok(if calibration.status.is_usable() { Exit::Ok } else { Exit::NoConvergence })
+}
+
+/// Calibrates with a progress line.
+pub(super) fn solve(
+    robot: &Robot,
+    recordings: &[&Recording],
+    preset: Preset,
+    ui: &Ui,
+) -> Result<Calibration, Failure> {
+    let progress = ui.busy("calibrating");
+    calibrate(robot, recordings, preset, &Settings::default(), |iteration, state| {
+        progress.note(format!("iteration {iteration}, cost {:.6e}", state.cost));
+        tracing::debug!(iteration, cost = state.cost, damping = state.damping, trials = state.trials);
+    })
+    .map_err(calibrate_failure)
+}
+
+/// A recording that cannot be calibrated.
+pub(super) fn calibrate_failure(error: CalibrateError) -> Failure {
+    match error {
+        CalibrateError::NoRecording | CalibrateError::NotThePapersRobot => Failure::usage(error),
+        CalibrateError::Solve(_) => Failure::no_convergence(error)
+            .advice("`host check` says whether the recording is fit; look for a wrong unit or a wrong robot file"),
+        CalibrateError::TooShort { .. } => Failure::data(error).advice("record the whole calibration motion"),
+        CalibrateError::DifferentRobot { .. } => Failure::data(error),
+        CalibrateError::NoPosition { .. } => {
+            Failure::data(error).advice("add the joint's encoder to the robot file and to the recording")
+        }
+    }
+}
+
+/// The parameters as a table for people.
+pub(super) fn print_table(ui: &Ui, calibration: &Calibration) {
+    ui.say(format_args!("{:<12} {:>12} {:>14} {:>12}  unit", "parameter", "initial", "estimate", "± error"));
+    for p in &calibration.parameters {
+        let error = p.std_error.map_or("not shown".to_string(), |error| format!("{error:.2e}"));
+        ui.say(format_args!("{:<12} {:>12.6} {:>14.6} {:>12}  {}", p.name, p.initial, p.estimate, error, p.unit));
+    }
+    for direction in &calibration.unobservable {
+        let names: Vec<_> = direction.direction.iter().map(|(name, share)| format!("{share:+.2} {name}")).collect();
+        ui.say(format_args!("not observable: {} ({})", names.join(" "), direction.reason));
+    }
+    let status = match calibration.status {
+        Status::Converged => "converged",
+        Status::Almost => "almost converged",
+        Status::NoProgress => "no progress: the estimates are not a minimum",
+        Status::IterationLimit => "iteration limit reached: the estimates are not a minimum",
+        Status::Unidentifiable => "converged; some parameters cannot be told from this motion",
+    };
+    ui.say(format_args!(
+        "{status} after {} iterations in {:.1} s, cost {:.6e} at {:.3e} degrees of freedom",
+        calibration.iterations, calibration.seconds.total, calibration.cost, calibration.dof
+    ));
+}
