@@ -23,7 +23,14 @@ const LANES: usize = 4;
 type Lanes = DualSVec64<LANES>;
 
 /// v of body `from` in the axes of body `to`, and the derivatives by q.
-fn turned(chain: &Chain, q: &[f64], from: usize, to: usize, v: Vector3<f64>, by_q: &mut Vec<Vector3<f64>>) -> Vector3<f64> {
+fn turned(
+    chain: &Chain,
+    q: &[f64],
+    from: usize,
+    to: usize,
+    v: Vector3<f64>,
+    by_q: &mut Vec<Vector3<f64>>,
+) -> Vector3<f64> {
     let n = q.len();
     by_q.clear();
     by_q.resize(n, Vector3::zeros());
@@ -120,17 +127,17 @@ impl<'m> Problem<'m> {
                 let by_rotation = -own * skew(&rate);
                 // R₁→₂ as a matrix: its columns are the turned unit vectors.
                 let mut unused = Vec::new();
-                let turn = Matrix3::from_columns(&[Vector3::x(), Vector3::y(), Vector3::z()].map(|unit| {
-                    turned(self.model.chain(), q, first.body, gyro.body, unit, &mut unused)
-                }));
+                let turn = Matrix3::from_columns(
+                    &[Vector3::x(), Vector3::y(), Vector3::z()]
+                        .map(|unit| turned(self.model.chain(), q, first.body, gyro.body, unit, &mut unused)),
+                );
                 for axis in (0..3).filter(|&axis| value[axis].is_finite()) {
                     states.clear();
                     border.clear();
                     if with_slopes {
                         let sensor_axis = own.row(axis).transpose();
                         for column in 0..2 * n {
-                            let mut slope =
-                                frame.slope(gyro.body, column) - turn * frame.slope(first.body, column);
+                            let mut slope = frame.slope(gyro.body, column) - turn * frame.slope(first.body, column);
                             if column < n {
                                 slope += by_q[column];
                             }

@@ -19,9 +19,7 @@ pub use observability::Unobservable;
 pub use point::{BorderLayout, Point};
 pub use preset::{Assumptions, GyroRows, InitialNoise, Preset, ProcessNoise};
 pub use problem::Problem;
-pub use result::{
-    Calibration, ChannelFit, ChannelNoise, ParameterEstimate, RecordingUsed, Seconds, Status,
-};
+pub use result::{Calibration, ChannelFit, ChannelNoise, ParameterEstimate, RecordingUsed, Seconds, Status};
 pub use series::Series;
 
 use std::time::Instant;
@@ -71,7 +69,9 @@ pub enum CalibrateError {
         name: String,
     },
     /// The preset does not fit the robot.
-    #[error("the preset `paper` wants its first gyro on the body after the first joint, a revolute one, as (22) does; use the preset `default`")]
+    #[error(
+        "the preset `paper` wants its first gyro on the body after the first joint, a revolute one, as (22) does; use the preset `default`"
+    )]
     NotThePapersRobot,
     /// The solver gave up.
     #[error("the least-squares problem cannot be solved: {0}")]
@@ -102,8 +102,9 @@ pub fn calibrate(
     let start = start::start(&model, robot, &series);
     let start_seconds = clock.elapsed().as_secs_f64();
     let directions: Vec<_> = held.iter().map(|held| held.direction.clone()).collect();
-    let solution = levenberg::minimise(&problem, start.clone(), &directions, settings, progress)?;
+    let mut solution = levenberg::minimise(&problem, start.clone(), &directions, settings, progress)?;
 
+    observability::without_held_turns(&mut solution.point, robot, problem.border(), &held);
     let (information, gradient) = solution.factor.schur();
     let mut border = Border::new(&information, &gradient, &directions);
     let weak = border.weak_directions(WEAK_INFORMATION);
@@ -153,9 +154,10 @@ fn check(robot: &Robot, recordings: &[&Recording], preset: Preset) -> Result<(),
     if let Some(joint) = (0..robot.joints.len()).find(|&joint| !sees(joint)) {
         return Err(CalibrateError::NoPosition { joint: joint + 1, name: robot.joints[joint].name.clone() });
     }
-    let papers_gyro = robot.gyros().next().is_none_or(|gyro| {
-        gyro.body == 0 && robot.joints[0].kind == crate::robot::JointKind::Revolute
-    });
+    let papers_gyro = robot
+        .gyros()
+        .next()
+        .is_none_or(|gyro| gyro.body == 0 && robot.joints[0].kind == crate::robot::JointKind::Revolute);
     if preset == Preset::Paper && !papers_gyro {
         return Err(CalibrateError::NotThePapersRobot);
     }

@@ -1,10 +1,10 @@
 //! Directions of the shared unknowns that the robot's build, or this motion, cannot show.
 
-use nalgebra::{DMatrix, Matrix3};
+use nalgebra::{DMatrix, Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
-use super::point::BorderLayout;
-use crate::model::{Model, SensorFrame};
+use super::point::{BorderLayout, Point};
+use crate::model::{Model, SensorFrame, rotation};
 use crate::robot::Robot;
 
 /// A direction that no estimate is given for.
@@ -16,11 +16,33 @@ pub struct Unobservable {
     pub reason: String,
 }
 
-/// A held direction: in the border's unknowns, and why.
+/// A held direction: in the border's unknowns, and why (empty where the robot file fixes the parameter).
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Held {
     pub direction: Vec<f64>,
     pub reason: String,
+}
+
+/// Turns every gyro back about the axis that its body alone turns about, until its misalignment has no component along it.
+///
+/// Steps along the other two axes compose to a small turn about the held one. It changes no prediction on a rigid base, and without
+/// it the result would show a number that only the path of the search explains.
+pub(super) fn without_held_turns(point: &mut Point<'_>, robot: &Robot, border: &BorderLayout, held: &[Held]) {
+    for (gyro, spec) in robot.gyros().enumerate() {
+        let nominal = Matrix3::from_fn(|i, j| spec.rotation[i][j]);
+        let at = border.rotation(gyro);
+        let mut axes = held.iter().filter_map(|held| {
+            let axis = Vector3::from_column_slice(&held.direction[at..at + 3]);
+            (axis.norm() > 0.999).then_some(axis)
+        });
+        // One axis is a body that turns about one joint; three are a rotation that is known.
+        if let (Some(axis), None) = (axes.next(), axes.next()) {
+            for _ in 0..8 {
+                let along = rotation::boxminus(&point.rotations[gyro], &nominal).dot(&axis);
+                point.rotations[gyro] = rotation::boxplus(&point.rotations[gyro], &(-along * axis));
+            }
+        }
+    }
 }
 
 /// Rates of the body that carries a gyro span fewer than two directions: turning the gyro about what they span changes no prediction.

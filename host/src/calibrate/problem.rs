@@ -217,8 +217,7 @@ impl<'m> Problem<'m> {
                 }
             }
             let rotation = &point.rotations[gyro.gyro];
-            let (predicted, slopes) =
-                scratch.frame.gyro(gyro.body, rotation, &point.biases[recording][gyro.gyro]);
+            let (predicted, slopes) = scratch.frame.gyro(gyro.body, rotation, &point.biases[recording][gyro.gyro]);
             for axis in 0..3 {
                 if value[axis].is_nan() {
                     continue;

@@ -21,8 +21,7 @@ const SPEED_PRIOR: f64 = 10.0;
 /// The start of the search.
 pub(super) fn start<'m>(model: &'m Model, robot: &Robot, series: &Series) -> Point<'m> {
     let z = model.coordinates().start();
-    let rotations: Vec<_> =
-        robot.gyros().map(|gyro| nalgebra::Matrix3::from_fn(|i, j| gyro.rotation[i][j])).collect();
+    let rotations: Vec<_> = robot.gyros().map(|gyro| nalgebra::Matrix3::from_fn(|i, j| gyro.rotation[i][j])).collect();
     let biases = (0..series.recordings.len()).map(|recording| biases_at_rest(robot, series, recording)).collect();
     let mut point = Point {
         states: vec![0.0; series.stages() * model.layout().size()],
@@ -81,9 +80,7 @@ fn fill_run(model: &Model, series: &Series, run: std::ops::Range<usize>, point: 
     });
     let zeros = || vec![0.0; run.len()];
     let columns = |channels: &[Option<usize>], other: &[Option<usize>]| -> Vec<Vec<f64>> {
-        (0..n)
-            .map(|j| channels[j].or(other[j]).map_or_else(zeros, |c| column(series, run.clone(), c)))
-            .collect()
+        (0..n).map(|j| channels[j].or(other[j]).map_or_else(zeros, |c| column(series, run.clone(), c))).collect()
     };
     let theta = columns(&motor, &link);
     let thetad: Vec<_> = theta.iter().map(|theta| speeds(series, run.clone(), theta)).collect();
@@ -138,9 +135,7 @@ fn link_speeds(
         }
         let sensor_axis = point.rotations[gyro].row(axis).transpose();
         let weight = 1.0 / (spec.sigma * spec.sigma);
-        let surplus = measured[channel]
-            - point.biases[recording][gyro][axis]
-            - sensor_axis.dot(&frame.rate(body));
+        let surplus = measured[channel] - point.biases[recording][gyro][axis] - sensor_axis.dot(&frame.rate(body));
         // The rate is linear in q̇: column n + j.
         let slopes = DVector::from_fn(n, |j, _| sensor_axis.dot(&frame.slope(body, n + j)));
         right.axpy(weight * surplus, &slopes, 1.0);

@@ -4,11 +4,11 @@ use std::collections::BTreeMap;
 
 use nalgebra::DMatrix;
 
+use super::Unobservable;
 use super::observability::{self, Held};
 use super::point::{BorderLayout, Point};
 use super::problem::Problem;
 use super::{Calibration, ChannelFit, ChannelNoise, ParameterEstimate, Preset, RecordingUsed, Seconds, Status};
-use super::Unobservable;
 use crate::model::rotation;
 use crate::recording::Recording;
 use crate::robot::Robot;
@@ -101,9 +101,7 @@ pub(super) fn summarise<'m>(
                 .as_ref()
                 .map(|covariance| covariance[(i, i)].sqrt())
                 .filter(|error| identifiable && error.is_finite());
-            let interval = |error: f64| {
-                [column.estimate - NORMAL_95 * error, column.estimate + NORMAL_95 * error]
-            };
+            let interval = |error: f64| [column.estimate - NORMAL_95 * error, column.estimate + NORMAL_95 * error];
             let estimate = ParameterEstimate {
                 name: column.name,
                 unit: column.unit.to_string(),
@@ -129,9 +127,7 @@ pub(super) fn summarise<'m>(
         .rotations
         .iter()
         .enumerate()
-        .map(|(gyro, r)| {
-            (format!("imu{}", gyro + 1), std::array::from_fn(|i| std::array::from_fn(|j| r[(i, j)])))
-        })
+        .map(|(gyro, r)| (format!("imu{}", gyro + 1), std::array::from_fn(|i| std::array::from_fn(|j| r[(i, j)]))))
         .collect();
     let (noise, fit) = channels(problem, end);
     let unknowns = problem.stages() * problem.stage_size() + problem.border_size() - held.len();

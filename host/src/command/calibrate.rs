@@ -44,12 +44,7 @@ pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
 }
 
 /// Calibrates with a progress line.
-pub(super) fn solve(
-    robot: &Robot,
-    recordings: &[&Recording],
-    preset: Preset,
-    ui: &Ui,
-) -> Result<Calibration, Failure> {
+pub(super) fn solve(robot: &Robot, recordings: &[&Recording], preset: Preset, ui: &Ui) -> Result<Calibration, Failure> {
     let progress = ui.busy("calibrating");
     calibrate(robot, recordings, preset, &Settings::default(), |iteration, state| {
         progress.note(format!("iteration {iteration}, cost {:.6e}", state.cost));

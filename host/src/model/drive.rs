@@ -135,18 +135,16 @@ impl Drive {
     /// Equations (6), (7), (11), (12) of an elastic joint.
     pub(super) fn elastic<T: Scalar>(&self, c: &Coefficients<T>, s: &Sides<T>) -> ElasticAction<T> {
         let transmission_torque = c.stiffness * (s.q - s.theta) + c.damping * (s.qd - s.thetad);
-        let motor_acceleration =
-            c.inertia * transmission_torque + c.torque_constant * (self.input_scale * s.u)
-                - c.back_emf * s.thetad
-                - c.coulomb * self.coulomb_sign(s);
+        let motor_acceleration = c.inertia * transmission_torque + c.torque_constant * (self.input_scale * s.u)
+            - c.back_emf * s.thetad
+            - c.coulomb * self.coulomb_sign(s);
         ElasticAction { transmission_torque, motor_acceleration }
     }
 
     /// Equations (11), (12) of a rigid joint, where θ = q.
     pub(super) fn rigid<T: Scalar>(&self, c: &Coefficients<T>, s: &Sides<T>) -> RigidAction<T> {
-        let torque = c.torque_constant * (self.input_scale * s.u)
-            - c.back_emf * s.thetad
-            - c.coulomb * self.coulomb_sign(s);
+        let torque =
+            c.torque_constant * (self.input_scale * s.u) - c.back_emf * s.thetad - c.coulomb * self.coulomb_sign(s);
         RigidAction { torque, inertia: c.inertia }
     }
 }

@@ -146,8 +146,7 @@ fn doggy_obeys_the_printed_equations() {
     let robot = Robot::builtin("doggy").unwrap();
     let model = Model::new(&robot);
     // k_pwm, k_mi, b, mu, k_s, d_s as Table 1 identified them, in the order of the robot's parameters.
-    let physical =
-        [4.696, 31.328, 2.428, 1.599, 2.565, 4.855, 187.555, 120.070, 103.056, 5.335, 4.143, 8.043];
+    let physical = [4.696, 31.328, 2.428, 1.599, 2.565, 4.855, 187.555, 120.070, 103.056, 5.335, 4.143, 8.043];
     let names: Vec<_> = model.coordinates().iter().map(|c| c.spec.name.clone()).collect();
     let expected = "k_pwm k_mi b mu[1] mu[2] mu[3] k_s[1] k_s[2] k_s[3] d_s[1] d_s[2] d_s[3]";
     assert_eq!(names.join(" "), expected);
