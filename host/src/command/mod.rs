@@ -14,6 +14,8 @@ mod calibrate;
 mod completions;
 mod export;
 mod import;
+mod ports;
+mod record;
 mod repair;
 
 mod exit;
@@ -42,6 +44,8 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Verb {
+    Ports(ports::Args),
+    Record(record::Args),
     Import(import::Args),
     Calibrate(calibrate::Args),
     Export(export::Args),
@@ -56,6 +60,8 @@ pub fn main() -> ExitCode {
     let cli = Cli::parse(); // ends the process with code 2 if the line is not understood
     let ui = Ui::new(&cli.ui);
     let ended = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| match cli.verb {
+        Verb::Ports(args) => ports::run(args, &ui),
+        Verb::Record(args) => record::run(args, &ui),
         Verb::Import(args) => import::run(args, &ui),
         Verb::Calibrate(args) => calibrate::run(args, &ui),
         Verb::Export(args) => export::run(args, &ui),

@@ -66,28 +66,40 @@ impl Stopper {
     }
 }
 
+/// Asks who is at the other end of a port, and nothing else: a robot that moves goes on moving.
+///
+/// # Errors
+/// [`LinkError`], above all [`LinkError::NoAnswer`] and [`LinkError::Version`].
+pub fn probe(port: &str, options: &Options) -> Result<Hello, LinkError> {
+    let (closing, outgoing, answers) = open(port, options)?;
+    shake_hands(&closing.shared, &outgoing, &answers, options.greetings)
+}
+
+/// Opens a port and starts its reader.
+fn open(port: &str, options: &Options) -> Result<(Closing, Arc<Outgoing>, Receiver<Answer>), LinkError> {
+    let opened = |error: serialport::Error| LinkError::Open { port: port.to_owned(), source: error };
+    let line = port::open(port, options.baud)?;
+    let incoming = line.try_clone().map_err(opened)?;
+    let shared = Arc::new(Shared::new(port, options.queue));
+    let (answers_in, answers) = sync_channel(64);
+    let theirs = Arc::clone(&shared);
+    let reader = std::thread::Builder::new()
+        .name("serial reader".to_owned())
+        .spawn(move || reader::run(incoming, theirs, answers_in))
+        .map_err(|error| opened(error.into()))?;
+    Ok((Closing { shared, reader: Some(reader) }, Arc::new(Outgoing::new(line)), answers))
+}
+
 impl Device {
     /// Opens the port and shakes hands.
     ///
     /// # Errors
     /// [`LinkError`], which knows what to do ([`LinkError::advice`]).
     pub fn open(port: &str, options: &Options) -> Result<Self, LinkError> {
-        let opened = |error: serialport::Error| LinkError::Open { port: port.to_owned(), source: error };
-        let line = port::open(port, options.baud)?;
-        let incoming = line.try_clone().map_err(opened)?;
-        let shared = Arc::new(Shared::new(port, options.queue));
-        let (answers_in, answers) = sync_channel(64);
-        let theirs = Arc::clone(&shared);
-        let reader = std::thread::Builder::new()
-            .name("serial reader".to_owned())
-            .spawn(move || reader::run(incoming, theirs, answers_in))
-            .map_err(|error| opened(error.into()))?;
-        let outgoing = Arc::new(Outgoing::new(line));
-        // From here on a drop closes the thread, with or without a handshake.
-        let closing = Closing { shared: &shared, reader: Some(reader) };
-        let hello = shake_hands(&shared, &outgoing, &answers, options.greetings)?;
+        let (closing, outgoing, answers) = open(port, options)?;
+        let hello = shake_hands(&closing.shared, &outgoing, &answers, options.greetings)?;
         hello.validate()?;
-        let reader = closing.keep();
+        let (shared, reader) = closing.keep();
         Ok(Self { shared, outgoing, answers, reader, pulse: None, hello })
     }
 
@@ -281,23 +293,24 @@ impl Drop for Device {
         // While heartbeats still go: the stop is what ends a motion, not their absence.
         self.stopper().stop();
         self.pulse = None;
-        drop(Closing { shared: &self.shared, reader: self.reader.take() });
+        drop(Closing { shared: Arc::clone(&self.shared), reader: self.reader.take() });
     }
 }
 
 /// Ends the reader when dropped.
-struct Closing<'a> {
-    shared: &'a Shared,
+struct Closing {
+    shared: Arc<Shared>,
     reader: Option<JoinHandle<()>>,
 }
 
-impl Closing<'_> {
-    fn keep(mut self) -> Option<JoinHandle<()>> {
-        self.reader.take()
+impl Closing {
+    /// Leaves the reader running.
+    fn keep(mut self) -> (Arc<Shared>, Option<JoinHandle<()>>) {
+        (Arc::clone(&self.shared), self.reader.take())
     }
 }
 
-impl Drop for Closing<'_> {
+impl Drop for Closing {
     fn drop(&mut self) {
         if let Some(reader) = self.reader.take() {
             self.shared.closing.store(true, Relaxed);

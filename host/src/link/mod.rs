@@ -10,6 +10,7 @@
 //! for nobody, whoever records may take its time. Time is the device's own, unwrapped; when a frame arrives says
 //! nothing, since adapters hold bytes for milliseconds.
 
+mod capture;
 mod device;
 mod error;
 mod heartbeat;
@@ -21,8 +22,10 @@ mod reader;
 mod scales;
 #[cfg(test)]
 mod tests;
+mod words;
 
-pub use device::{Device, Options, Stopper};
+pub use capture::{CaptureError, Captured, Progress, Ready, Zero, joint_limits};
+pub use device::{Device, Options, Stopper, probe};
 pub use error::{LinkError, reset_name};
 pub use inbox::Arrival;
 pub use port::{PortInfo, list};

@@ -1,5 +1,6 @@
 //! The link against scripted devices behind pseudo-terminals.
 
+mod capture;
 mod peer;
 
 use std::sync::mpsc::RecvTimeoutError;

@@ -9,9 +9,10 @@ use std::time::Duration;
 
 use protocol::frame::Decoder;
 use protocol::message::{MAX_TO_HOST_FRAME, read_to_device, write_report, write_sample};
+use protocol::sample::NO_PHASE;
 use protocol::{
-    Command, Duty, EncoderInfo, GyroInfo, Hello, Identity, Layout, MotionId, Report, ResetReason, Sample, Side, State,
-    Status, ToDevice,
+    Command, Duty, EncoderInfo, Event, EventKind, Flags, GyroInfo, Hello, Identity, Layout, MotionEnd, MotionId,
+    Refusal, Report, ResetReason, Sample, Side, State, Status, ToDevice,
 };
 use serialport::{SerialPort, TTYPort};
 
@@ -124,6 +125,12 @@ pub struct Doggy {
     pub acted: Vec<Command>,
     pub memory: protocol::request::Memory,
     pub samples_per_tick: u32,
+    /// How long a motion is played, ticks, and how it ends then.
+    pub motion_ticks: u32,
+    pub motion_end: MotionEnd,
+    /// First tick of the motion that is played.
+    pub playing: Option<u32>,
+    pub last_end: Option<(MotionId, MotionEnd)>,
 }
 
 impl Default for Doggy {
@@ -141,6 +148,10 @@ impl Default for Doggy {
             acted: Vec::new(),
             memory: protocol::request::Memory::new(),
             samples_per_tick: 1,
+            motion_ticks: 500,
+            motion_end: MotionEnd::Finished,
+            playing: None,
+            last_end: None,
         }
     }
 }
@@ -154,8 +165,15 @@ impl Doggy {
             end_seq: if self.streaming { self.seq } else { self.end_seq },
             dropped: self.dropped,
             motion: MotionId::NONE,
-            last_end: None,
+            last_end: self.last_end,
         }
+    }
+
+    fn end(&mut self, end: MotionEnd, out: &mut Wire) {
+        self.playing = None;
+        self.last_end = Some((MotionId(1), end));
+        let kind = EventKind::MotionEnded { motion: MotionId(1), end };
+        out.report(&Report::Event(Event { seq: self.seq, t_us: self.seq.wrapping_mul(1000), kind }));
     }
 }
 
@@ -176,6 +194,10 @@ impl Script for Doggy {
                             (self.streaming, self.first_seq, self.dropped) = (true, self.seq, 0);
                         }
                         Command::Stream { on: false } => (self.streaming, self.end_seq) = (false, self.seq),
+                        Command::Start { .. } if self.hello.zero.is_none() => return Err(Refusal::NotZeroed),
+                        Command::Start { .. } => self.playing = Some(self.seq),
+                        Command::Stop if self.playing.is_some() => self.end(MotionEnd::Stopped, out),
+                        Command::SetZero => self.hello.zero = Some([0; 3].into_iter().collect()),
                         Command::Status => out.report(&Report::Status(self.status())),
                         _ => {}
                     }
@@ -197,11 +219,18 @@ impl Script for Doggy {
 
     fn tick(&mut self, out: &mut Wire) {
         for _ in 0..self.samples_per_tick {
+            if self.playing.is_some_and(|first| self.seq.wrapping_sub(first) >= self.motion_ticks) {
+                self.end(self.motion_end, out);
+            }
             if self.streaming {
                 let mut duty = [Duty::ZERO; 7];
                 duty[0] = Duty(1500);
                 let t_us = self.seq.wrapping_mul(1000);
-                let sample = Sample { seq: self.seq, t_us, duty, ..Sample::default() };
+                let (phase, flags) = match self.playing {
+                    Some(_) => (0, Flags::ZEROED | Flags::RUNNING),
+                    None => (NO_PHASE, Flags::ZEROED),
+                };
+                let sample = Sample { seq: self.seq, t_us, duty, phase, flags, ..Sample::default() };
                 let mut one = Wire::default();
                 one.sample(&sample);
                 match (self.fate)(self.seq, &mut one.0) {

@@ -1,0 +1,208 @@
+//! `host record`: plays a motion on a robot and records it.
+
+use std::io::IsTerminal;
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::sync::{Arc, Mutex};
+
+use firmware::motion::preset;
+use protocol::Motion;
+use protocol::budget::{self, BAUD};
+
+use super::{Exit, Failure, LiveFile, Ui, robot_failure};
+use crate::link::{self, CaptureError, Captured, Device, LinkError, Options, Ready, ScaleError, Stopper, Zero};
+use crate::robot::Robot;
+
+/// Play a motion on a robot and record it
+///
+/// The robot must know its zero positions: hold it in its marked pose and give --set-zero, once after it was switched
+/// on. Ctrl-C stops the robot and closes the recording. A recording that was cut off by force is readable up to its
+/// last half second.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// The robot's serial device
+    #[arg(long, value_name = "PORT")]
+    port: String,
+    /// calibration, validation, or a motion file
+    #[arg(long, value_name = "MOTION", default_value = "calibration")]
+    motion: String,
+    /// The robot: a built-in name or a description file [default: the one that the device names]
+    #[arg(long, value_name = "ROBOT")]
+    robot: Option<String>,
+    /// Take the present pose as zero: the robot is held in its marked pose
+    #[arg(long)]
+    set_zero: bool,
+    /// Bits per second on the line
+    #[arg(long, value_name = "BAUD", default_value_t = BAUD)]
+    baud: u32,
+    /// The recording to make
+    #[arg(short, long, value_name = "RUN.mcap")]
+    output: PathBuf,
+    /// Replace the recording if it exists
+    #[arg(long)]
+    force: bool,
+}
+
+/// Connects, makes ready, plays and records.
+pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
+    let file = LiveFile::claim(&args.output, args.force)?;
+    let robot = args.robot.as_deref().map(Robot::load).transpose().map_err(robot_failure)?;
+    let interrupt = Interrupt::listen()?;
+
+    let connecting = ui.busy("connecting");
+    let options = Options { baud: args.baud, ..Options::default() };
+    let mut device = Device::open(&args.port, &options).map_err(link_failure)?;
+    interrupt.guards(device.stopper());
+    drop(connecting);
+    let identity = &device.hello().identity;
+    ui.say(format_args!("{}: {}, firmware {}", args.port, identity.robot, identity.firmware_version));
+    let ticks_per_s = 1_000_000 / u32::from(device.hello().tick_us);
+    if !budget::carries(&device.hello().layout, ticks_per_s, args.baud) {
+        return Err(Failure::usage(format!("{} baud cannot carry {ticks_per_s} samples a second", args.baud))
+            .advice("give a higher --baud, and set the firmware to the same"));
+    }
+    let robot = match robot {
+        Some(robot) => robot,
+        None => Robot::builtin(identity.robot.as_str())
+            .map_err(|error| robot_failure(error).advice("name the robot's description file with --robot"))?,
+    };
+    let (motion, text) = load_motion(&args.motion, &robot)?;
+    let zero = ask_for_zero(&args, &device, ui)?;
+
+    let preparing = ui.busy("uploading");
+    let ready = Ready::prepare(&mut device, &robot, &motion, text, zero).map_err(capture_failure)?;
+    drop(preparing);
+    interrupt.recording.store(true, Relaxed);
+    let bar = ui.progress("starting", 1000);
+    let captured = ready.run(file.create()?, &interrupt.wished, |now| {
+        bar.stage(now.stage.unwrap_or("starting"));
+        bar.at(now.per_mille());
+        bar.note(format!("{:.0} Hz, {} lost, {:.0} s at most left", now.rate_hz, now.balance.missing, now.left_s()));
+    });
+    drop(bar);
+    let balance = device.balance();
+    match captured {
+        Ok(captured) => {
+            say_captured(ui, &args, &captured);
+            Ok(Exit::Ok)
+        }
+        Err(error) => {
+            ui.say(format_args!("{}: {} samples, {}", args.output.display(), balance.received, losses(&balance)));
+            Err(capture_failure(error))
+        }
+    }
+}
+
+fn say_captured(ui: &Ui, args: &Args, captured: &Captured) {
+    let Captured { samples, duration_s, balance, refused } = captured;
+    ui.say(format_args!("{}: {samples} samples in {duration_s:.1} s, {}", args.output.display(), losses(balance)));
+    if *refused > 0 {
+        ui.say(format_args!("warning: {refused} samples could not follow the ones before them and were left out"));
+    }
+}
+
+fn losses(balance: &crate::recording::LossBalance) -> String {
+    format!(
+        "{} lost (device {}, host {}, line {}; {} damaged frames{})",
+        balance.missing,
+        balance.device_dropped,
+        balance.host_dropped,
+        balance.line_lost,
+        balance.damaged_frames,
+        if balance.closed { "" } else { "; not confirmed by the device" }
+    )
+}
+
+/// A preset for this robot, or a file; and its text.
+fn load_motion(name_or_path: &str, robot: &Robot) -> Result<(Motion, String), Failure> {
+    let limits = link::joint_limits(robot);
+    let preset = match name_or_path {
+        "calibration" => Some(preset::calibration(&limits)),
+        "validation" => Some(preset::validation(&limits)),
+        _ => None,
+    };
+    if let Some(motion) = preset {
+        let text = toml::to_string(&motion).map_err(Failure::fault)?;
+        return Ok((motion, text));
+    }
+    let text = std::fs::read_to_string(name_or_path).map_err(|error| {
+        Failure::device(format!("cannot read the motion {name_or_path}: {error}"))
+            .advice("give calibration, validation, or the path of a motion file")
+    })?;
+    let motion = toml::from_str(&text).map_err(|error| {
+        Failure::data(format!("{name_or_path} is not a motion: {error}"))
+            .advice("correct the file at that place; every recording holds its motion as an example (motion.toml)")
+    })?;
+    Ok((motion, text))
+}
+
+/// Whether the pose is to be taken as zero; on a terminal the user is asked to hold the robot.
+fn ask_for_zero(args: &Args, device: &Device, ui: &Ui) -> Result<Zero, Failure> {
+    if args.set_zero {
+        return Ok(Zero::Set);
+    }
+    if device.hello().zero.is_some() {
+        return Ok(Zero::Keep);
+    }
+    if !(std::io::stdin().is_terminal() && std::io::stderr().is_terminal()) {
+        return Err(capture_failure(CaptureError::Scale(ScaleError::NotZeroed)));
+    }
+    ui.say("The robot does not know its zero positions yet.");
+    ui.say("Hold it in its marked pose and press Enter (Ctrl-C to leave): ");
+    let mut line = String::new();
+    match std::io::stdin().read_line(&mut line) {
+        Ok(1..) => Ok(Zero::Set),
+        _ => Err(capture_failure(CaptureError::Scale(ScaleError::NotZeroed))),
+    }
+}
+
+/// Ctrl-C, or a polite end by the system: the stop goes out from the signal's own thread, whatever else waits.
+#[derive(Clone, Default)]
+struct Interrupt {
+    wished: Arc<AtomicBool>,
+    /// A recording is under way and wants to be closed.
+    recording: Arc<AtomicBool>,
+    guarded: Arc<Mutex<Option<Stopper>>>,
+}
+
+impl Interrupt {
+    fn listen() -> Result<Self, Failure> {
+        let interrupt = Self::default();
+        let heard = interrupt.clone();
+        ctrlc::set_handler(move || {
+            heard.wished.store(true, Relaxed);
+            if let Some(stopper) = &*heard.guarded.lock().unwrap_or_else(|e| e.into_inner()) {
+                stopper.stop();
+            }
+            if !heard.recording.load(Relaxed) {
+                std::process::exit(i32::from(Exit::Device as u8));
+            }
+        })
+        .map_err(Failure::fault)?;
+        Ok(interrupt)
+    }
+
+    fn guards(&self, stopper: Stopper) {
+        *self.guarded.lock().unwrap_or_else(|e| e.into_inner()) = Some(stopper);
+    }
+}
+
+/// A device that cannot be used.
+fn link_failure(error: LinkError) -> Failure {
+    let advice = error.advice();
+    Failure::device(error).advice(advice)
+}
+
+/// A recording that was not made, or not to its end.
+fn capture_failure(error: CaptureError) -> Failure {
+    let (exit, advice) = (exit_of(&error), error.advice());
+    Failure::new(exit, error).advice(advice)
+}
+
+fn exit_of(error: &CaptureError) -> Exit {
+    match error {
+        CaptureError::Scale(ScaleError::NotZeroed) => Exit::Device,
+        CaptureError::Scale(_) | CaptureError::Motion { .. } => Exit::Data,
+        _ => Exit::Device,
+    }
+}

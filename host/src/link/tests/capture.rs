@@ -1,0 +1,187 @@
+//! Recordings of scripted devices: what is in the file, whatever happened.
+
+use std::fs::File;
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+
+use protocol::motion::Header;
+use protocol::units::text;
+use protocol::{Action, Fault, Motion, MotionEnd, MotionError, Segment};
+use tempfile::TempDir;
+
+use super::open;
+use super::peer::{Doggy, Peer, Script, Wire};
+use crate::link::{CaptureError, Captured, LinkError, Progress, Ready, ScaleError, Zero};
+use crate::recording::{self, Recording};
+use crate::robot::Robot;
+
+fn motion() -> Motion {
+    let mut motion = Motion::new(Header {
+        name: text("trial"),
+        stages: [text("rest")].into_iter().collect(),
+        gain: [1.0; 3].into_iter().collect(),
+    });
+    motion.segments.push(Segment { stage: 0, action: Action::Zero { duration_ms: 500 } }).unwrap();
+    motion
+}
+
+/// A recording of a peer: how it ended, and what is in the file.
+struct Trial {
+    outcome: Result<Captured, CaptureError>,
+    path: PathBuf,
+    _folder: TempDir,
+}
+
+impl Trial {
+    fn of(peer: &Peer, stop: &AtomicBool, watch: impl FnMut(&Progress<'_>)) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("run.mcap");
+        let mut device = open(peer).unwrap();
+        let robot = Robot::builtin("doggy").unwrap();
+        let motion = motion();
+        let outcome = Ready::prepare(&mut device, &robot, &motion, toml::to_string(&motion).unwrap(), Zero::Keep)
+            .and_then(|ready| ready.run(File::create_new(&path).unwrap(), stop, watch));
+        Self { outcome, path, _folder: folder }
+    }
+
+    fn plain(peer: &Peer) -> Self {
+        Self::of(peer, &AtomicBool::new(false), |_| {})
+    }
+
+    fn recording(&self) -> Recording {
+        recording::read(&self.path).unwrap()
+    }
+}
+
+#[test]
+fn a_motion_is_recorded_from_its_first_tick_to_its_last() {
+    let peer = Peer::start(Doggy::default());
+    let mut stages = Vec::new();
+    let trial = Trial::of(&peer, &AtomicBool::new(false), |now| {
+        stages.extend(now.stage.map(str::to_owned));
+        assert!(now.per_mille() <= 1000 && now.left_s() <= 0.5);
+    });
+    let captured = trial.outcome.as_ref().unwrap();
+    let recording = trial.recording();
+    assert_eq!(recording.len() as u64, captured.samples);
+    assert_eq!(recording.missing_ticks(), 0);
+    assert!(recording.damage.is_empty());
+    assert_eq!(recording.balance, Some(captured.balance));
+    assert!(captured.balance.closed && captured.balance.missing == 0, "{captured:?}");
+    assert_eq!(captured.refused, 0);
+    assert_eq!(recording.phase.iter().filter(|phase| **phase == 0).count(), 500);
+    assert!(recording.phase.iter().rev().take(250).all(|phase| *phase == recording::NO_PHASE), "the tail");
+    assert!(recording.duty[0].iter().all(|u| *u == 0.15));
+    let firmware = recording.firmware.as_ref().unwrap();
+    assert_eq!((firmware.version.as_str(), firmware.robot.as_str()), ("0.1.0", "doggy"));
+    assert!(firmware.details.contains("\"counts_per_turn\":1024"), "{}", firmware.details);
+    assert_eq!(recording.zero_rad.len(), 3);
+    assert_eq!(toml::from_str::<Motion>(&recording.motion.as_ref().unwrap().toml).unwrap(), motion());
+    assert!(recording.events.iter().any(|e| e.text == "motion finished"), "{:?}", recording.events);
+    assert!(stages.contains(&"rest".to_owned()), "{stages:?}");
+}
+
+#[test]
+fn losses_on_the_way_are_in_the_file_s_balance() {
+    let fate = |seq: u32, frame: &mut Vec<u8>| {
+        match seq % 32 {
+            5 => return false,
+            9 => frame[30] ^= 0x08,
+            _ => {}
+        }
+        true
+    };
+    let peer = Peer::start(Doggy { fate: Box::new(fate), ..Doggy::default() });
+    let trial = Trial::plain(&peer);
+    let captured = trial.outcome.as_ref().unwrap();
+    let recording = trial.recording();
+    let balance = recording.balance.unwrap();
+    assert_eq!(balance, captured.balance);
+    assert_eq!(balance.received, recording.len() as u64);
+    // Each fault hits one tick in 32; the stream begins and ends anywhere.
+    for lost in [balance.device_dropped, balance.line_lost, balance.damaged_frames] {
+        assert!(lost.abs_diff(balance.ticks / 32) <= 1, "{balance:?}");
+    }
+    assert_eq!(recording.segments().len() as u64, recording.missing_ticks() + 1);
+}
+
+#[test]
+fn a_fault_ends_the_recording_with_its_reason() {
+    let end = MotionEnd::Fault(Fault::JointLimit { joint: 1 });
+    let peer = Peer::start(Doggy { motion_end: end, ..Doggy::default() });
+    let trial = Trial::plain(&peer);
+    let error = trial.outcome.as_ref().unwrap_err();
+    assert!(matches!(error, CaptureError::Stopped { phase: 1, segments: 1, .. }), "{error:?}");
+    assert!(error.to_string().contains("joint 2 is beyond its limit"), "{error}");
+    let recording = trial.recording();
+    assert!(recording.balance.unwrap().closed && recording.len() > 500);
+    assert!(recording.events.iter().any(|e| e.text.contains("joint 2")));
+}
+
+#[test]
+fn a_wish_to_stop_stops_the_robot_and_closes_the_file() {
+    let peer = Peer::start(Doggy { motion_ticks: u32::MAX, ..Doggy::default() });
+    let stop = AtomicBool::new(false);
+    let trial = Trial::of(&peer, &stop, |_| stop.store(true, Relaxed));
+    assert!(matches!(trial.outcome, Err(CaptureError::Interrupted)), "{:?}", trial.outcome);
+    let recording = trial.recording();
+    assert!(recording.damage.is_empty() && recording.balance.unwrap().closed);
+    assert!(recording.events.iter().any(|e| e.text == "motion stopped by the host"), "{:?}", recording.events);
+}
+
+#[test]
+fn an_unplugged_device_leaves_what_it_sent() {
+    struct Unplugged(Doggy);
+    impl Script for Unplugged {
+        fn hear(&mut self, message: &protocol::ToDevice, out: &mut Wire) {
+            self.0.hear(message, out);
+        }
+        fn tick(&mut self, out: &mut Wire) {
+            self.0.tick(out);
+            if self.0.playing.is_some_and(|first| self.0.seq.wrapping_sub(first) > 300) {
+                std::panic::resume_unwind(Box::new("unplugged"));
+            }
+        }
+    }
+    let peer = Peer::start(Unplugged(Doggy::default()));
+    let trial = Trial::plain(&peer);
+    assert!(matches!(trial.outcome, Err(CaptureError::Link(LinkError::Gone { .. }))), "{:?}", trial.outcome);
+    let recording = trial.recording();
+    assert!(recording.len() >= 300 && !recording.balance.unwrap().closed, "{}", recording.len());
+}
+
+#[test]
+fn a_device_that_falls_silent_is_given_up() {
+    let fate = |seq: u32, frame: &mut Vec<u8>| {
+        if seq < u32::MAX / 2 && seq > 100 {
+            frame.clear();
+        }
+        true
+    };
+    let peer = Peer::start(Doggy { fate: Box::new(fate), motion_ticks: u32::MAX, ..Doggy::default() });
+    let trial = Trial::plain(&peer);
+    assert!(matches!(trial.outcome, Err(CaptureError::Link(LinkError::Silent { .. }))), "{:?}", trial.outcome);
+    let balance = trial.recording().balance.unwrap();
+    assert!(balance.closed && balance.line_lost > 1000, "{balance:?}");
+}
+
+#[test]
+fn nothing_moves_without_zero_or_with_a_motion_that_does_not_fit() {
+    let mut doggy = Doggy::default();
+    doggy.hello.zero = None;
+    let peer = Peer::start(doggy);
+    let trial = Trial::plain(&peer);
+    assert!(matches!(trial.outcome, Err(CaptureError::Scale(ScaleError::NotZeroed))));
+    assert!(!trial.path.exists());
+
+    let peer = Peer::start(Doggy::default());
+    let mut device = open(&peer).unwrap();
+    let mut motion = motion();
+    motion.gain.truncate(2);
+    let robot = Robot::builtin("doggy").unwrap();
+    let error = Ready::prepare(&mut device, &robot, &motion, String::new(), Zero::Set).map(drop).unwrap_err();
+    assert!(
+        matches!(error, CaptureError::Motion { source: MotionError::Gains { got: 2, joints: 3 }, .. }),
+        "{error:?}"
+    );
+}
