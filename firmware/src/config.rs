@@ -31,6 +31,11 @@ pub enum ConfigError {
         /// Which joint, from 0.
         joint: usize,
     },
+    /// A coasting time that is negative, not a number, or beyond ten seconds.
+    Coast {
+        /// Which joint, from 0.
+        joint: usize,
+    },
 }
 
 /// What the description file says of a joint.
@@ -158,6 +163,9 @@ fn joint(index: usize, setup: &JointSetup, encoders: &[EncoderInfo]) -> Result<J
     if !(min.is_finite() && max.is_finite() && min < max) {
         return Err(ConfigError::Limits { joint: index });
     }
+    if !(0.0..=10.0).contains(&setup.coast_s) {
+        return Err(ConfigError::Coast { joint: index });
+    }
     let on_motor = |e: &EncoderInfo| usize::from(e.joint) == index && e.side == Side::Motor;
     let encoder = encoders.iter().position(on_motor).ok_or(ConfigError::NoMotorEncoder { joint: index })?;
     let scale = counts_per_unit(&encoders[encoder]);
@@ -222,5 +230,7 @@ pub(crate) mod tests {
         assert_eq!(refused(&[joint], &[flat]), Some(ConfigError::Scale { encoder: 0 }));
         let empty = JointSetup::new(Limits { min: 1.0, max: 1.0 });
         assert_eq!(refused(&[empty], &[motor]), Some(ConfigError::Limits { joint: 0 }));
+        let endless = JointSetup { coast_s: f32::INFINITY, ..joint };
+        assert_eq!(refused(&[endless], &[motor]), Some(ConfigError::Coast { joint: 0 }));
     }
 }

@@ -89,14 +89,14 @@ impl<I2C: I2c> Bmi323<I2C> {
         }
         part.write(Register::Cmd, SOFT_RESET)?;
         delay.delay_ms(RESET_MS);
-        part.expect(Register::Status, POWER_ON_RESET, POWER_ON_RESET)?;
+        part.must_hold(Register::Status, POWER_ON_RESET, POWER_ON_RESET)?;
 
         let config = HIGH_PERFORMANCE | BANDWIDTH_ODR_BY_4 | range_bits(range) | ODR_1_6_KHZ;
         part.write(Register::GyrConf, config)?;
         delay.delay_us(WRITE_US);
         delay.delay_ms(START_UP_MS);
-        part.expect(Register::ErrReg, ERRORS, 0)?;
-        part.expect(Register::GyrConf, 0x70FF, config)?;
+        part.must_hold(Register::ErrReg, ERRORS, 0)?;
+        part.must_hold(Register::GyrConf, 0x70FF, config)?;
         Ok(part)
     }
 
@@ -127,7 +127,12 @@ impl<I2C: I2c> Bmi323<I2C> {
         Ok(u16::from_le_bytes([low, high]))
     }
 
-    fn expect(&mut self, register: Register, mask: u16, expected: u16) -> Result<(), GyroError<Register, I2C::Error>> {
+    fn must_hold(
+        &mut self,
+        register: Register,
+        mask: u16,
+        expected: u16,
+    ) -> Result<(), GyroError<Register, I2C::Error>> {
         let got = self.read_register(register)?;
         if got & mask == expected & mask {
             return Ok(());

@@ -103,7 +103,7 @@ impl<SPI: SpiDevice> Icm42688p<SPI> {
         }
         part.write(Register::DeviceConfig, SOFT_RESET)?;
         delay.delay_ms(RESET_MS);
-        part.expect(Register::IntStatus, RESET_DONE, RESET_DONE)?;
+        part.must_hold(Register::IntStatus, RESET_DONE, RESET_DONE)?;
 
         part.write(Register::IntfConfig0, BIG_ENDIAN_SPI_ONLY)?;
         let intf = part.read_register(Register::IntfConfig1)?;
@@ -118,9 +118,9 @@ impl<SPI: SpiDevice> Icm42688p<SPI> {
         part.write(Register::PwrMgmt0, GYRO_LOW_NOISE)?;
         delay.delay_ms(START_UP_MS);
 
-        part.expect(Register::GyroConfig0, 0xEF, config)?;
-        part.expect(Register::GyroAccelConfig0, 0xFF, FILTER_ODR_BY_5)?;
-        part.expect(Register::PwrMgmt0, 0x0F, GYRO_LOW_NOISE)?;
+        part.must_hold(Register::GyroConfig0, 0xEF, config)?;
+        part.must_hold(Register::GyroAccelConfig0, 0xFF, FILTER_ODR_BY_5)?;
+        part.must_hold(Register::PwrMgmt0, 0x0F, GYRO_LOW_NOISE)?;
         Ok(part)
     }
 
@@ -148,7 +148,7 @@ impl<SPI: SpiDevice> Icm42688p<SPI> {
         Ok(value[0])
     }
 
-    fn expect(&mut self, register: Register, mask: u8, expected: u8) -> Result<(), GyroError<Register, SPI::Error>> {
+    fn must_hold(&mut self, register: Register, mask: u8, expected: u8) -> Result<(), GyroError<Register, SPI::Error>> {
         let got = self.read_register(register)?;
         if got & mask == expected & mask {
             return Ok(());

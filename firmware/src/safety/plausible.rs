@@ -210,6 +210,14 @@ mod tests {
     }
 
     #[test]
+    fn a_drivers_reading_becomes_an_input() {
+        let reading = |fresh| Ok::<_, ()>(GyroReading { raw: [1, 2, 3], fresh });
+        assert_eq!(GyroInput::from(reading(true)), GyroInput::Words([1, 2, 3]));
+        assert_eq!(GyroInput::from(reading(false)), GyroInput::NotReady);
+        assert_eq!(GyroInput::from(Err::<GyroReading, _>("bus")), GyroInput::BusError);
+    }
+
+    #[test]
     fn a_gyroscope_without_noise_is_stuck() {
         let mut watch = GyroWatch::new(GYRO);
         for _ in 0..50 {

@@ -2,10 +2,11 @@
 
 use firmware::{GyroInput, Inputs, motion::preset};
 use protocol::sample::Flags;
-use protocol::{Command, Duty, EventKind, Fault, MAX_JOINTS, MotionEnd, Refusal, State};
+use protocol::{Action, Command, Duty, EventKind, Fault, JointSet, MAX_JOINTS, MotionEnd, Refusal, Segment, State};
 
 use crate::bench::{Bench, MOTION};
 use crate::motions::limits;
+use crate::plant::{COUNTS_PER_RAD, Plant};
 
 const ZERO: [Duty; MAX_JOINTS] = [Duty::ZERO; MAX_JOINTS];
 
@@ -196,6 +197,44 @@ fn a_joint_carried_beyond_its_limit() {
         bench.tick();
     }
     recovers(&mut bench);
+}
+
+/// A motion that drives at full duty into the limits: the approach is braked, and a robot that coasts
+/// for longer than its configuration says is stopped.
+#[test]
+fn driven_against_its_limits_a_joint_stops_there() {
+    let mut motion = preset::calibration(&limits(3));
+    let against = Action::Chirp {
+        joints: JointSet::first(3),
+        amplitude: Duty(9000),
+        from_hz: 0.2,
+        to_hz: 0.4,
+        spread: 0.3,
+        centring: 0.0,
+        duration_ms: 20_000,
+    };
+    motion.segments = [Segment { stage: 0, action: against }].into_iter().collect();
+    for seed in 0..6 {
+        let plant = if seed == 0 { Plant::doggy(3, 1) } else { Plant::drawn(3, seed) };
+        let mut bench = Bench::new(plant);
+        bench.prepare(&motion);
+        bench.start().unwrap();
+        let end = bench.until(21_000, |kind| matches!(kind, EventKind::MotionEnded { .. }));
+        bench.run(500);
+        let reach = |joint: usize| {
+            let farthest = bench.samples.iter().map(|s| s.encoders[joint].unsigned_abs()).max().unwrap();
+            f64::from(farthest) / COUNTS_PER_RAD / f64::from(limits(3)[joint].max)
+        };
+        let reached: Vec<f64> = (0..3).map(reach).collect();
+        if seed == 0 {
+            // Measured 0.996 to 1.003 of the limit.
+            assert_eq!(end.kind, EventKind::MotionEnded { motion: MOTION, end: MotionEnd::Finished });
+            assert!(reached.iter().all(|part| (0.97..1.03).contains(part)), "{reached:?}");
+        } else {
+            // A robot that coasts for longer than it says may be stopped for good, at 1.10 of the limit.
+            assert!(reached.iter().all(|part| (0.9..1.15).contains(part)), "seed {seed}: {reached:?}");
+        }
+    }
 }
 
 #[test]
