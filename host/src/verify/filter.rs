@@ -68,18 +68,31 @@ impl Track {
 }
 
 /// Runs the filter with the process noise of [`CANDIDATES`] that makes the readings most likely.
+///
+/// Candidates are tried from the least on, two at a time, until they get less likely.
 pub fn run<S: System>(system: &S, columns: &Columns<'_>) -> Track {
-    let tracks: Vec<Track> = std::thread::scope(|scope| {
-        let handles = CANDIDATES.map(|velocity_sigma| {
-            let own = system.clone();
-            scope.spawn(move || run_with(&own, columns, ProcessNoise { velocity_sigma }))
+    let mut best: Option<Track> = None;
+    for pair in CANDIDATES.chunks(2) {
+        let tracks: Vec<Track> = std::thread::scope(|scope| {
+            let start = |&velocity_sigma: &f64| {
+                let own = system.clone();
+                scope.spawn(move || run_with(&own, columns, ProcessNoise { velocity_sigma }))
+            };
+            let handles: Vec<_> = pair.iter().map(start).collect();
+            let join = |handle: std::thread::ScopedJoinHandle<'_, Track>| {
+                handle.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+            };
+            handles.into_iter().map(join).collect()
         });
-        handles.into_iter().map(|h| h.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))).collect()
-    });
-    tracks
-        .into_iter()
-        .max_by(|a, b| a.log_likelihood.total_cmp(&b.log_likelihood))
-        .expect("there is at least one candidate")
+        let last = pair[pair.len() - 1];
+        // A filter that ran away (NaN) is the least likely of all.
+        let rank = |track: &Track| if track.log_likelihood.is_nan() { f64::NEG_INFINITY } else { track.log_likelihood };
+        best = best.into_iter().chain(tracks).max_by(|a, b| rank(a).total_cmp(&rank(b)));
+        if best.as_ref().is_some_and(|best| best.noise.velocity_sigma != last && rank(best).is_finite()) {
+            break;
+        }
+    }
+    best.expect("there is at least one candidate")
 }
 
 /// Runs the filter with the process noise given.
@@ -106,11 +119,11 @@ pub fn run_with<S: System>(system: &S, columns: &Columns<'_>, noise: ProcessNois
                 }
             }
             columns.readings(k, &mut filter.z);
-            filter.update();
+            columns.input(k, &mut u);
+            filter.update(&u);
             values.extend_from_slice(filter.x.as_slice());
             // Half a period of tolerance, so that rounding of time stamps does not decide.
             settled.push(t > settled_at - 0.5 * columns.period_s);
-            columns.input(k, &mut u);
             if k + 1 < segment.end {
                 filter.predict(&u, columns.t_s[k + 1] - t);
             }
@@ -199,10 +212,10 @@ impl<'a, S: System> Filter<'a, S> {
     }
 
     /// Takes in the readings one by one, which is the same as all at once since their noises are independent.
-    fn update(&mut self) {
+    fn update(&mut self, u: &[f64]) {
         let n = self.x.len();
         let w = &mut self.work;
-        self.system.outputs_jacobian(self.x.as_slice(), &mut w.outputs, &mut w.rows);
+        self.system.outputs_jacobian(self.x.as_slice(), u, &mut w.outputs, &mut w.rows);
         w.change.fill(0.0);
         for (i, (z, sigma)) in self.z.iter().zip(self.sigma).enumerate() {
             if z.is_nan() {

@@ -54,7 +54,8 @@ pub fn run<S: System>(system: &S, columns: &Columns<'_>, first: Option<&[f64]>, 
         }
         run.pieces.push(from..segment.end);
         for k in from..segment.end {
-            system.outputs_of(&x, &mut outputs);
+            columns.input(k, &mut u);
+            system.outputs_of(&x, &u, &mut outputs);
             for (column, value) in run.outputs.iter_mut().zip(&outputs) {
                 column[k] = *value;
             }
@@ -62,7 +63,6 @@ pub fn run<S: System>(system: &S, columns: &Columns<'_>, first: Option<&[f64]>, 
                 column[k] = *value;
             }
             if k + 1 < segment.end {
-                columns.input(k, &mut u);
                 system.step(&x, &u, columns.t_s[k + 1] - columns.t_s[k], &mut next);
                 std::mem::swap(&mut x, &mut next);
             }

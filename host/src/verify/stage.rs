@@ -4,11 +4,12 @@
 //! ([`from_duty`]): how strong it is and on which joints it acts.
 //!
 //! ```text
-//!   |u| per joint, largest of each tenth of a second, ±0.2 s
+//!   |u| per joint, largest of each tenth of a second, dips of 0.4 s filled
 //!       ─▶ at rest:    no joint above 3 % of the recording's largest |u|
 //!       ─▶ moving:     the joints above 35 % of the strongest one (the others are only held in place)
-//!       ─▶ slow, fast: if the strengths fall into two groups at least 3 apart (0.15 and 0.9, say)
-//!       ─▶ runs shorter than 2 s join their longer neighbour
+//!       ─▶ slow, fast: if the strengths, pauses of two seconds filled, fall into two groups at least 3 apart
+//!                      (0.15 and 0.9, say)
+//!       ─▶ runs shorter than 2 s: a rest joins the run before it, another its longer neighbour
 //! ```
 //!
 //! The slow stage is one whatever moves in it, the fast one is split by joint: the five regions of the paper's 5.2.
@@ -50,6 +51,7 @@ pub struct Stage {
 
 const BLOCK_S: f64 = 0.1;
 const SPREAD_BLOCKS: usize = 2;
+const PAUSE_BLOCKS: usize = 10;
 const REST_SHARE: f64 = 0.03;
 const MOVING_SHARE: f64 = 0.35;
 const LEVEL_RATIO: f64 = 3.0;
@@ -75,7 +77,8 @@ pub fn from_duty(duty: &[&[f64]], period_s: f64, names: &[&str]) -> Vec<Stage> {
     let blocks = strength[0].len();
     let full = strength.iter().flatten().copied().fold(0.0, f64::max);
     let strongest = |b: usize| strength.iter().map(|s| s[b]).fold(0.0, f64::max);
-    let boundary = slow_boundary((0..blocks).map(strongest).filter(|s| *s > REST_SHARE * full));
+    let levels = closed(&(0..blocks).map(strongest).collect::<Vec<f64>>(), PAUSE_BLOCKS);
+    let boundary = slow_boundary((0..blocks).filter(|&b| strongest(b) > REST_SHARE * full).map(|b| levels[b]));
     let classes: Vec<Class> = (0..blocks)
         .map(|b| {
             let level = strongest(b);
@@ -84,7 +87,7 @@ pub fn from_duty(duty: &[&[f64]], period_s: f64, names: &[&str]) -> Vec<Stage> {
             }
             let mut moving = (0..duty.len()).filter(|&j| strength[j][b] > MOVING_SHARE * level);
             match (boundary, moving.next(), moving.next()) {
-                (Some(boundary), ..) if level < boundary => Class::Slow,
+                (Some(boundary), ..) if levels[b] < boundary => Class::Slow,
                 (_, Some(joint), None) => Class::Joint(joint),
                 _ => Class::Together,
             }
@@ -129,20 +132,26 @@ pub fn from_labels(labels: &[Option<&str>], duty: &[&[f64]]) -> Vec<Stage> {
     stages
 }
 
-/// `[joint][block]`: the largest |u| of the block and of its neighbours.
+/// `[joint][block]`: the largest |u| of the block, short dips filled.
 fn strengths(duty: &[&[f64]], per_block: usize) -> Vec<Vec<f64>> {
     duty.iter()
         .map(|u| {
             let peaks: Vec<f64> =
                 u.chunks(per_block).map(|block| block.iter().fold(0.0, |peak: f64, u| peak.max(u.abs()))).collect();
-            (0..peaks.len())
-                .map(|b| {
-                    let around = b.saturating_sub(SPREAD_BLOCKS)..(b + SPREAD_BLOCKS + 1).min(peaks.len());
-                    peaks[around].iter().copied().fold(0.0, f64::max)
-                })
-                .collect()
+            closed(&peaks, SPREAD_BLOCKS)
         })
         .collect()
+}
+
+/// Fills dips narrower than twice `reach`, and leaves edges where they are: the least of the largest around each value.
+fn closed(values: &[f64], reach: usize) -> Vec<f64> {
+    let around = |values: &[f64], pick: fn(f64, f64) -> f64| -> Vec<f64> {
+        (0..values.len())
+            .map(|b| values[b.saturating_sub(reach)..(b + reach + 1).min(values.len())].iter().copied().reduce(pick))
+            .map(Option::unwrap_or_default)
+            .collect()
+    };
+    around(&around(values, f64::max), f64::min)
 }
 
 /// Splits the strengths into two groups such that the logarithms within each group differ least (Otsu's criterion).
@@ -165,12 +174,19 @@ fn slow_boundary(strengths: impl Iterator<Item = f64>) -> Option<f64> {
     best.filter(|(_, apart, _)| *apart >= LEVEL_RATIO.ln()).map(|(.., boundary)| boundary.exp())
 }
 
-/// Runs of equal class; the shortest run below the limit joins its longer neighbour until none is left.
+/// Runs of equal class. A short rest belongs to the motion that it ends; then the shortest run below the limit joins its
+/// longer neighbour until none is left.
 fn merged(classes: &[Class], shortest: usize) -> Vec<(Class, Range<usize>)> {
     let mut runs: Vec<(Class, Range<usize>)> = Vec::new();
     for (b, class) in classes.iter().enumerate() {
         push_run(&mut runs, *class, b..b + 1);
     }
+    let mut joined: Vec<(Class, Range<usize>)> = Vec::with_capacity(runs.len());
+    for (class, run) in runs {
+        let before = joined.last().map(|r| r.0).filter(|_| class == Class::Rest && run.len() < shortest);
+        push_run(&mut joined, before.unwrap_or(class), run);
+    }
+    let mut runs = joined;
     while let Some(i) = (0..runs.len()).filter(|&i| runs[i].1.len() < shortest).min_by_key(|&i| runs[i].1.len()) {
         let length = |j: usize| runs.get(j).map_or(0, |r| r.1.len());
         let before = i.checked_sub(1).map_or(0, length);

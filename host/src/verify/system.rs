@@ -19,11 +19,11 @@ pub trait System: Clone + Send {
     /// [`Self::step`] with ∂next/∂x (states × states).
     fn step_jacobian(&mut self, x: &[f64], u: &[f64], dt_s: f64, next: &mut [f64], jacobian: &mut [f64]);
 
-    /// The outputs without noise.
-    fn outputs_of(&mut self, x: &[f64], outputs: &mut [f64]);
+    /// The outputs without noise. `u` is in force after the sample: sensors may be read a little later than the state.
+    fn outputs_of(&mut self, x: &[f64], u: &[f64], outputs: &mut [f64]);
 
     /// [`Self::outputs_of`] with ∂outputs/∂x (outputs × states).
-    fn outputs_jacobian(&mut self, x: &[f64], outputs: &mut [f64], jacobian: &mut [f64]);
+    fn outputs_jacobian(&mut self, x: &[f64], u: &[f64], outputs: &mut [f64], jacobian: &mut [f64]);
 
     /// Whether state i is a velocity: where the world pushes, and where process noise therefore enters.
     fn is_velocity(&self, state: usize) -> bool;

@@ -41,11 +41,11 @@ impl System for Oscillator {
         jacobian.copy_from_slice(&self.transition(dt_s));
     }
 
-    fn outputs_of(&mut self, x: &[f64], outputs: &mut [f64]) {
+    fn outputs_of(&mut self, x: &[f64], _: &[f64], outputs: &mut [f64]) {
         outputs.copy_from_slice(x);
     }
 
-    fn outputs_jacobian(&mut self, x: &[f64], outputs: &mut [f64], jacobian: &mut [f64]) {
+    fn outputs_jacobian(&mut self, x: &[f64], _: &[f64], outputs: &mut [f64], jacobian: &mut [f64]) {
         outputs.copy_from_slice(x);
         jacobian.copy_from_slice(&[1.0, 0.0, 0.0, 1.0]);
     }

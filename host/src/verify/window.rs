@@ -124,7 +124,8 @@ impl<'a, S: System> Run<'a, S> {
     }
 
     fn compare(&mut self, start: usize, result: &mut Windows) {
-        self.system.outputs_of(&self.x, &mut self.outputs);
+        self.columns.input(self.at, &mut self.u);
+        self.system.outputs_of(&self.x, &self.u, &mut self.outputs);
         result.starts.push(start);
         for (i, predicted) in self.outputs.iter().enumerate() {
             let measured = self.columns.measured[i][self.at];

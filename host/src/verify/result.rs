@@ -1,0 +1,132 @@
+//! The result of `host verify`, as other programs read it.
+
+use std::ops::Range;
+use std::path::PathBuf;
+
+use serde::{Deserialize, Serialize};
+
+use super::metrics::ChannelError;
+use super::stage::StageKind;
+use crate::calibrate::Preset;
+
+/// How well a calibrated model predicts a recording.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Verification {
+    /// The robot.
+    pub robot: String,
+    /// Assumptions of the calibration; `paper` predicts by Euler steps.
+    pub preset: Preset,
+    /// Effects that extend the model.
+    pub extensions: Vec<String>,
+    /// What was predicted.
+    pub recording: RecordingVerified,
+    /// The paper's 5.2.
+    pub free_run: FreeRunResult,
+    /// The filter that the windows start from.
+    pub filter: FilterResult,
+    /// Windowed predictions, by horizon.
+    pub horizons: Vec<HorizonResult>,
+}
+
+/// The recording that was predicted.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RecordingVerified {
+    /// Its file.
+    pub path: PathBuf,
+    /// SHA-256 of the file.
+    pub sha256: String,
+    /// Whether the model was calibrated on it: then the figures say how well it fits, not how well it predicts.
+    pub calibrated_on: bool,
+    /// Samples.
+    pub samples: usize,
+    /// Places where ticks are missing.
+    pub gaps: usize,
+    /// Ticks that are missing.
+    pub missing_ticks: u64,
+    /// From the first to the last sample, s.
+    pub duration_s: f64,
+}
+
+/// Where the first state of the free run comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum FirstState {
+    /// The calibration estimated it with the parameters, as in the paper.
+    Calibrated,
+    /// The robot at rest: mean encoder readings before the first input, relaxed transmissions, no speed.
+    Rest,
+    /// The filter's state once it has settled: the recording starts in motion.
+    Filter,
+}
+
+/// The model run from one state over the whole recording with the recorded input.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct FreeRunResult {
+    /// Where its first state comes from.
+    pub first_state: FirstState,
+    /// The pieces it falls into: it starts again after every gap, from what the filter knows there.
+    pub pieces: usize,
+    /// Samples that no piece predicts, between a gap (or the start) and the filter's settling.
+    pub left_out: usize,
+    /// Error of every channel over all pieces.
+    pub channels: Vec<ChannelError>,
+    /// The same by stage of the motion.
+    pub stages: Vec<StageResult>,
+}
+
+/// A stage of the motion.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct StageResult {
+    /// What moves.
+    pub kind: StageKind,
+    /// Name for people.
+    pub label: String,
+    /// The joints that move, by name.
+    pub joints: Vec<String>,
+    /// Largest |input|.
+    pub peak_input: f64,
+    /// First and last sample after the first one of the recording, s.
+    pub span_s: Range<f64>,
+    /// Error of every channel of the free run.
+    pub channels: Vec<ChannelError>,
+}
+
+/// How the forward filter did.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct FilterResult {
+    /// Standard deviation of the random change of each velocity in one period that makes the readings most likely,
+    /// rad/s (m/s): how far a step of the model is off.
+    pub velocity_sigma: f64,
+    /// Mean of (difference to the one-step prediction)² over its predicted variance; 1 if the filter knows its own
+    /// uncertainty.
+    pub mean_nis: f64,
+    /// Gaps after which it had to start anew.
+    pub restarts: usize,
+}
+
+/// Predictions over windows of one length.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct HorizonResult {
+    /// From the window's start to the comparison, s.
+    pub horizon_s: f64,
+    /// Windows compared.
+    pub windows: usize,
+    /// Windows left out because a gap touches them.
+    pub touching_gap: usize,
+    /// Error of every channel at the window's end.
+    pub channels: Vec<ChannelError>,
+}
+
+impl Verification {
+    /// The result for a horizon, if it was asked for.
+    pub fn horizon(&self, horizon_s: f64) -> Option<&HorizonResult> {
+        self.horizons.iter().find(|h| (h.horizon_s - horizon_s).abs() < 1e-9)
+    }
+}
+
+impl HorizonResult {
+    /// The channel that is predicted worst in terms of its sensor's noise.
+    pub fn worst(&self) -> Option<&ChannelError> {
+        self.channels.iter().max_by(|a, b| a.rmse_sigma.total_cmp(&b.rmse_sigma))
+    }
+}

@@ -1,0 +1,90 @@
+//! The curves behind a verification, for its page: measured and freely predicted, sample by sample.
+
+use std::ops::Range;
+
+use super::calibrated::CalibratedModel;
+use super::free_run::FreeRun;
+use super::stage::Stage;
+use crate::recording::Recording;
+use crate::robot::ChannelKind;
+
+/// What was measured and what the free run says.
+#[derive(Debug, Clone)]
+pub struct Traces {
+    /// Time of each sample after the first one, s.
+    pub t_s: Vec<f64>,
+    /// The recording's channels: predicted by the free run, NaN where it does not predict.
+    pub predicted: Vec<Vec<f64>>,
+    /// Motor speed of each joint by the free run, rad/s (m/s).
+    pub motor_speed: Vec<Vec<f64>>,
+    /// Motor speed of each joint as its encoder shows it: the slope of a straight line through the readings within
+    /// ±[`SLOPE_S`] (NaN near gaps). The encoder's step is too coarse for a difference of neighbours.
+    pub measured_motor_speed: Vec<Vec<f64>>,
+    /// Stages of the motion.
+    pub stages: Vec<Stage>,
+    /// First sample after each gap: a curve must not be drawn across.
+    pub breaks: Vec<usize>,
+}
+
+/// Half the width of the slope's window, s.
+pub const SLOPE_S: f64 = 0.01;
+
+impl Traces {
+    pub(super) fn new(
+        model: &CalibratedModel,
+        recording: &Recording,
+        t_s: Vec<f64>,
+        run: FreeRun,
+        stages: Vec<Stage>,
+    ) -> Self {
+        let layout = model.model().layout();
+        let segments = recording.segments();
+        let half = ((SLOPE_S / recording.period_s).round() as usize).max(1);
+        let joints = 0..layout.joints();
+        let measured_motor_speed = joints
+            .clone()
+            .map(|joint| {
+                let kind = ChannelKind::MotorPosition { joint };
+                let encoder = recording.channels.iter().find(|c| c.spec.kind == kind);
+                encoder.map_or_else(Vec::new, |c| slopes(&c.values, &segments, half, recording.period_s))
+            })
+            .collect();
+        Self {
+            t_s,
+            predicted: run.outputs,
+            motor_speed: joints.map(|joint| run.states[layout.thetad(joint)].clone()).collect(),
+            measured_motor_speed,
+            stages,
+            breaks: segments.iter().skip(1).map(|s| s.start).collect(),
+        }
+    }
+}
+
+/// Slope of the least-squares line through the `2·half + 1` values around each sample: Σ i·y_i / (T Σ i²).
+fn slopes(values: &[f64], segments: &[Range<usize>], half: usize, period_s: f64) -> Vec<f64> {
+    let mut slopes = vec![f64::NAN; values.len()];
+    let norm: f64 = 2.0 * (1..=half).map(|i| (i * i) as f64).sum::<f64>() * period_s;
+    for segment in segments {
+        for k in segment.start + half..segment.end.saturating_sub(half) {
+            slopes[k] = (1..=half).map(|i| i as f64 * (values[k + i] - values[k - i])).sum::<f64>() / norm;
+        }
+    }
+    slopes
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn the_slope_of_a_parabola_is_exact_and_gaps_are_left_out() {
+        let y: Vec<f64> = (0..100).map(|k| 3.0 + 0.5 * f64::from(k) + 0.01 * f64::from(k * k)).collect();
+        let slopes = super::slopes(&y, &[0..40, 40..100], 5, 1e-3);
+        for (k, slope) in slopes.iter().enumerate() {
+            if (5..35).contains(&k) || (45..95).contains(&k) {
+                let expected = (0.5 + 0.02 * k as f64) * 1e3;
+                assert!((slope - expected).abs() < 1e-9 * expected);
+            } else {
+                assert!(slope.is_nan(), "{k}");
+            }
+        }
+    }
+}
