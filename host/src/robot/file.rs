@@ -102,12 +102,13 @@ pub(super) struct ParameterTable {
     pub d_s: Option<StartOrFixed<f64>>,
 }
 
-/// `{ start = … }` is estimated from there, `{ fixed = … }` is known.
+/// `{ start = … }` is estimated from there, `{ fixed = … }` is known; `simulated` is what a simulated robot has instead.
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct StartOrFixed<V> {
     pub start: Option<V>,
     pub fixed: Option<V>,
+    pub simulated: Option<V>,
 }
 
 #[derive(Debug, Deserialize)]

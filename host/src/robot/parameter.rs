@@ -9,6 +9,8 @@ pub struct Parameter {
     pub start: f64,
     /// Whether it is estimated.
     pub free: bool,
+    /// What a simulated robot of this kind has on average: the start value may be a poor guess.
+    pub simulated: f64,
 }
 
 /// What a parameter is in the equations.

@@ -54,6 +54,8 @@ pub struct Gyro {
     pub bias_rad_s: Vector3,
     /// Whether the bias is estimated.
     pub bias_free: bool,
+    /// Bias of a simulated gyro of this kind, on average, rad/s.
+    pub bias_simulated_rad_s: Vector3,
     /// Standard deviation of one reading, rad/s.
     pub sigma_rad_s: f64,
     /// Full scale, if known, rad/s.

@@ -239,8 +239,11 @@ fn entry(table: &ParameterTable, symbol: Symbol) -> Option<StartOrFixed<f64>> {
 fn parameter(field: &str, symbol: Symbol, given: StartOrFixed<f64>, joint: &Joint) -> Checked<Parameter> {
     let (start, free) = start_or_fixed(field, given)?;
     let bound = if symbol.may_be_zero(joint) { not_negative } else { positive };
-    bound(field, start, "this parameter's sign is fixed by physics")?;
-    Ok(Parameter { start, free })
+    let advice = "this parameter's sign is fixed by physics";
+    bound(field, start, advice)?;
+    let simulated = given.simulated.unwrap_or(start);
+    bound(&format!("{field}.simulated"), simulated, advice)?;
+    Ok(Parameter { start, free, simulated })
 }
 
 fn start_or_fixed<V>(field: &str, given: StartOrFixed<V>) -> Checked<(V, bool)> {
@@ -271,13 +274,14 @@ fn gyro_parameters(sensors: &[Sensor]) -> Vec<ParameterSpec> {
     let mut specs = Vec::new();
     for (gyro, g) in gyros().enumerate() {
         for axis in 0..3 {
-            let value = Parameter { start: g.bias_rad_s[axis], free: g.bias_free };
+            let value =
+                Parameter { start: g.bias_rad_s[axis], free: g.bias_free, simulated: g.bias_simulated_rad_s[axis] };
             specs.push(spec(Symbol::Bias { gyro, axis }, gyro, axis, value));
         }
     }
     for (gyro, g) in gyros().enumerate() {
         for axis in 0..3 {
-            let value = Parameter { start: 0.0, free: g.rotation_free };
+            let value = Parameter { start: 0.0, free: g.rotation_free, simulated: 0.0 };
             specs.push(spec(Symbol::Misalignment { gyro, axis }, gyro, axis, value));
         }
     }
@@ -346,11 +350,17 @@ fn gyro(at: &str, table: &SensorTable, body: usize, offset_s: f64) -> Checked<Se
         missing("rotation", "give `{ start = [[…], […], […]] }`, the nominal rotation from body to sensor axes")
     })?;
     let (nominal, rotation_free) = start_or_fixed(&format!("{at}.rotation"), given)?;
+    if given.simulated.is_some() {
+        let advice = "a simulated sensor is mounted within a few degrees of its nominal rotation; leave it out";
+        return Err(RobotError::invalid(format!("{at}.rotation.simulated"), "given", advice));
+    }
     let given = table
         .bias_rad_s
         .ok_or_else(|| missing("bias_rad_s", "give `{ start = [0.0, 0.0, 0.0] }` if nothing is known"))?;
     let (bias_rad_s, bias_free) = start_or_fixed(&format!("{at}.bias_rad_s"), given)?;
     finite(&format!("{at}.bias_rad_s"), &bias_rad_s)?;
+    let bias_simulated_rad_s = given.simulated.unwrap_or(bias_rad_s);
+    finite(&format!("{at}.bias_rad_s.simulated"), &bias_simulated_rad_s)?;
     let noise = "give the standard deviation of one reading in rad/s";
     let sigma_rad_s = table.sigma_rad_s.ok_or_else(|| missing("sigma_rad_s", noise))?;
     positive(&format!("{at}.sigma_rad_s"), sigma_rad_s, noise)?;
@@ -363,6 +373,7 @@ fn gyro(at: &str, table: &SensorTable, body: usize, offset_s: f64) -> Checked<Se
         rotation_free,
         bias_rad_s,
         bias_free,
+        bias_simulated_rad_s,
         sigma_rad_s,
         range_rad_s: table.range_rad_s,
         offset_s,

@@ -1,0 +1,44 @@
+//! Why an effect cannot be had.
+
+/// Why an effect cannot be had.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum EffectError {
+    /// No such id.
+    #[error("no effect `{id}`; there are {known}{suggestion}")]
+    Unknown {
+        /// What was asked for.
+        id: String,
+        /// The known ids.
+        known: String,
+        /// "; did you mean …?" or nothing.
+        suggestion: String,
+    },
+    /// Neither a name of a size nor a positive number.
+    #[error("effect {effect}: size `{size}` is neither small, medium, large nor a positive number")]
+    Size {
+        /// Of which effect.
+        effect: &'static str,
+        /// What was given.
+        size: String,
+    },
+    /// The robot has nothing that the effect could act on.
+    #[error("effect {effect}: {reason}")]
+    Unsuited {
+        /// Which effect.
+        effect: &'static str,
+        /// What the robot lacks.
+        reason: &'static str,
+    },
+}
+
+impl EffectError {
+    pub(super) fn unknown<const N: usize>(id: &str, known: [&str; N]) -> Self {
+        let nearest = known
+            .iter()
+            .map(|other| (strsim::jaro_winkler(id, other), other))
+            .filter(|(likeness, _)| *likeness > 0.8)
+            .max_by(|a, b| a.0.total_cmp(&b.0));
+        let suggestion = nearest.map_or(String::new(), |(_, best)| format!("; did you mean `{best}`?"));
+        Self::Unknown { id: id.to_owned(), known: known.join(", "), suggestion }
+    }
+}

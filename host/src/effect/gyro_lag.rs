@@ -1,0 +1,60 @@
+//! Gyro lag: the sensor's own filter delays what it measures.
+//!
+//! ```text
+//! T ω̇_f = ω − ω_f     on each axis; the reading is ω_f
+//! ```
+
+use rand::Rng;
+
+use super::{Effect, EffectError, EffectParameter, Hidden, Physics, Size, TrueValue};
+use crate::robot::{Robot, Vector3};
+
+pub(super) const EFFECT: Effect = Effect {
+    id: "gyro_lag",
+    title: "delay of the gyros' filters",
+    equation: "T ω̇_f = ω − ω_f, the reading is ω_f",
+    parameters: &[EffectParameter { name: "T[gyro]", unit: "s", sizes: "0.5, 1.5, 4 ms (0.3 to 5 met)" }],
+    confounded_with: "encoder_lag",
+    about: "A gyro filters its signal before it is read; the lower the bandwidth, the later the reading. Against \
+            encoders that are read at once the links seem to follow their motors late, like behind a softer belt.",
+    make,
+};
+
+const TIME_CONSTANT_S: [f64; 3] = [0.5e-3, 1.5e-3, 4e-3];
+
+#[derive(Debug)]
+struct GyroLag {
+    /// T of every gyro, s.
+    time_constant: Vec<f64>,
+}
+
+impl Physics for GyroLag {
+    fn states(&self) -> usize {
+        3 * self.time_constant.len()
+    }
+
+    fn state_rates(&self, own: &[f64], gyro_rates: &[Vector3], out: &mut [f64]) {
+        for (gyro, time_constant) in self.time_constant.iter().enumerate() {
+            for axis in 0..3 {
+                let k = 3 * gyro + axis;
+                out[k] = (gyro_rates[gyro][axis] - own[k]) / time_constant;
+            }
+        }
+    }
+
+    fn gyro_rate(&self, own: &[f64], gyro: usize, _rate: Vector3) -> Vector3 {
+        [own[3 * gyro], own[3 * gyro + 1], own[3 * gyro + 2]]
+    }
+}
+
+fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectError> {
+    let time_constant: Vec<f64> = robot.gyros().map(|_| size.draw(TIME_CONSTANT_S, rng)).collect();
+    if time_constant.is_empty() {
+        return Err(EffectError::Unsuited { effect: EFFECT.id, reason: "the robot has no gyro" });
+    }
+    let name = |gyro: usize| format!("{}.T[{}]", EFFECT.id, gyro + 1);
+    let values = (0..time_constant.len())
+        .map(|gyro| TrueValue { name: name(gyro), unit: "s", value: time_constant[gyro] })
+        .collect();
+    Ok(Hidden { id: EFFECT.id, values, physics: Box::new(GyroLag { time_constant }) })
+}
