@@ -123,11 +123,56 @@ fn a_recording_that_was_cut_off_is_made_whole() {
 }
 
 #[test]
+fn a_check_speaks_to_people_and_to_programs() {
+    let folder = folder_with_table();
+    ended(&host(folder.path(), &IMPORT), 0, &[]);
+    let output = host(folder.path(), &["check", "run.mcap", "--json", "-o", "check.json", "--report", "check.html"]);
+    // The table's angle has nothing to do with its duty, so there is something to say.
+    ended(&output, 0, &["warning: ", "fit for calibration"]);
+    let printed: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let written = fs::read_to_string(folder.path().join("check.json")).unwrap();
+    assert_eq!(serde_json::from_str::<serde_json::Value>(&written).unwrap(), printed);
+    assert_eq!(
+        [&printed["usable"], &printed["samples"], &printed["missing_ticks"], &printed["gaps"]],
+        [&true.into(), &1997.into(), &3.into(), &serde_json::json!(1)]
+    );
+    assert!((printed["duration_s"].as_f64().unwrap() - 1.999).abs() < 1e-9);
+    assert!((printed["rate_hz"].as_f64().unwrap() - 1000.0).abs() < 1e-9);
+    for finding in printed["findings"].as_array().unwrap() {
+        assert!(["error", "warning", "note"].contains(&finding["severity"].as_str().unwrap()));
+        for field in ["about", "message", "advice"] {
+            assert!(!finding[field].as_str().unwrap().is_empty());
+        }
+        assert!(finding.get("channel").is_some());
+    }
+    let page = fs::read_to_string(folder.path().join("check.html")).unwrap();
+    assert!(page.starts_with("<!DOCTYPE html>") && page.contains("Findings") && page.contains("encoder1"));
+    assert!(!page.contains("http-equiv=\"refresh\"") && !page.contains("src="), "nothing is loaded from elsewhere");
+}
+
+#[test]
+fn an_unusable_recording_is_called_so() {
+    let folder = folder_with_table();
+    let idle: String = table()
+        .lines()
+        .map(|line| {
+            let mut fields: Vec<&str> = line.split(',').collect();
+            if fields[0].starts_with('5') {
+                fields[1] = "0";
+            }
+            fields.join(",") + "\n"
+        })
+        .collect();
+    fs::write(folder.path().join("data.csv"), idle).unwrap();
+    ended(&host(folder.path(), &IMPORT), 0, &[]);
+    let output = host(folder.path(), &["check", "run.mcap"]);
+    ended(&output, 4, &["error: the input is zero in the whole recording", "not fit for calibration"]);
+    assert!(output.stdout.is_empty());
+}
+
+#[test]
 fn the_real_recording_is_imported_whole() {
-    let Some(recordings) = std::env::var_os("RECORDINGS_DIR").map(PathBuf::from) else {
-        eprintln!("SKIPPED the_real_recording_is_imported_whole: RECORDINGS_DIR is not set");
-        return;
-    };
+    let Some(recordings) = recordings("the_real_recording_is_imported_whole") else { return };
     let folder = tempfile::tempdir().unwrap();
     let table = recordings.join("clean/calibration.csv.gz");
     let output = host(folder.path(), &["import", table.to_str().unwrap(), "-o", "run.mcap"]);
@@ -139,4 +184,40 @@ fn the_real_recording_is_imported_whole() {
     assert_eq!(recording.channel("gyro2.z").unwrap().values[1], -0.010);
     assert_eq!(recording.rest_window().len(), 3_400);
     assert_eq!(recording.imported_from.unwrap().path, table);
+}
+
+/// The check tells a motion made for calibration from one that was not, and finds nothing wrong with either.
+#[test]
+fn the_real_recordings_are_judged_by_their_motion() {
+    let Some(recordings) = recordings("the_real_recordings_are_judged_by_their_motion") else { return };
+    let folder = tempfile::tempdir().unwrap();
+    for set in ["clean", "base_bearing", "backlash", "voltage_sag"] {
+        for motion in ["calibration", "validation"] {
+            let table = recordings.join(set).join(motion).with_extension("csv.gz");
+            let run = format!("{set}-{motion}.mcap");
+            ended(&host(folder.path(), &["import", table.to_str().unwrap(), "-o", &run]), 0, &["no gap"]);
+            let output = host(folder.path(), &["check", &run, "--json"]);
+            ended(&output, 0, &["fit for calibration"]);
+            let check: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+            let messages: Vec<&str> =
+                check["findings"].as_array().unwrap().iter().map(|f| f["message"].as_str().unwrap()).collect();
+            match motion {
+                "calibration" => assert!(messages.is_empty(), "{run}: {messages:?}"),
+                // No chirp: 0 to 2 quick reversals where the calibration motions have 66 to 79.
+                _ => assert!(
+                    messages.len() == 3 && messages.iter().all(|message| message.contains("reverses quickly")),
+                    "{run}: {messages:?}"
+                ),
+            }
+        }
+    }
+}
+
+/// The folder of recordings, or a loud word that the test was skipped.
+fn recordings(test: &str) -> Option<PathBuf> {
+    let folder = std::env::var_os("RECORDINGS_DIR").map(PathBuf::from);
+    if folder.is_none() {
+        eprintln!("SKIPPED {test}: RECORDINGS_DIR is not set");
+    }
+    folder
 }

@@ -11,6 +11,7 @@
 //! carries results), [`NewFile`], [`LiveFile`] and [`ResultArgs`] (files that are never overwritten unasked).
 
 mod calibrate;
+mod check;
 mod completions;
 mod export;
 mod import;
@@ -47,6 +48,7 @@ enum Verb {
     Ports(ports::Args),
     Record(record::Args),
     Import(import::Args),
+    Check(check::Args),
     Calibrate(calibrate::Args),
     Export(export::Args),
     Repair(repair::Args),
@@ -63,6 +65,7 @@ pub fn main() -> ExitCode {
         Verb::Ports(args) => ports::run(args, &ui),
         Verb::Record(args) => record::run(args, &ui),
         Verb::Import(args) => import::run(args, &ui),
+        Verb::Check(args) => check::run(args, &ui),
         Verb::Calibrate(args) => calibrate::run(args, &ui),
         Verb::Export(args) => export::run(args, &ui),
         Verb::Repair(args) => repair::run(args, &ui),

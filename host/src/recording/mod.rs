@@ -17,6 +17,7 @@ mod fixture;
 mod recorder;
 mod session;
 
+pub mod check;
 pub mod csv;
 pub mod mcap;
 

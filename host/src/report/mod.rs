@@ -24,6 +24,7 @@ pub mod html;
 pub mod number;
 
 mod bars;
+mod check;
 mod decimate;
 mod page;
 mod plot;
@@ -35,6 +36,7 @@ mod table;
 mod tests;
 
 pub use bars::{Bar, BarChart, Tone};
+pub use check::check_page;
 pub use decimate::decimate;
 pub use page::{Page, Section};
 pub use plot::{Colour, LinePlot, Series, Stroke};

@@ -1,0 +1,230 @@
+//! A good recording has no finding; each fault put into it has its own.
+
+use protocol::Flags;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use super::{About, Check, check};
+use crate::recording::{
+    Damage, Event, Firmware, LossBalance, Recorder, Recording, Row, Session, Severity, Source, Tick,
+};
+use crate::robot::Robot;
+
+const BIAS_RAD_S: [f64; 3] = [0.02, -0.01, 0.005];
+
+/// Input and speed at time t: 3.2 s of rest, a slow stage, a fast one.
+fn motion(t: f64) -> (f64, f64) {
+    let wave = |hz: f64| (std::f64::consts::TAU * hz * t).sin();
+    match t {
+        t if t < 3.2 => (0.0, 0.0),
+        t if t < 15.2 => (0.15 * wave(0.25), 0.6 * wave(0.25)),
+        _ => (0.9 * wave(2.5), 3.0 * wave(2.5)),
+    }
+}
+
+/// 20 s of the one-joint robot, built from what its sensors must say; `change` may spoil each sample.
+fn recording_with(mut change: impl FnMut(&mut Sample)) -> Recording {
+    let robot = Robot::builtin("one_joint").unwrap();
+    let rotation = robot.gyros().next().unwrap().rotation;
+    let sigmas: Vec<f64> = robot.channels().iter().map(|channel| channel.sigma).collect();
+    let mut rng = ChaCha8Rng::seed_from_u64(1);
+    let mut normal = move || (0..12).map(|_| rng.random::<f64>()).sum::<f64>() - 6.0;
+    let mut recorder = Recorder::new(Session::of(robot));
+    let mut position = 0.0;
+    for k in 0..20_000u64 {
+        let (duty, speed) = motion(k as f64 * 1e-3);
+        position += speed * 1e-3;
+        let mut values = vec![position + sigmas[0] * normal()];
+        for axis in 0..3 {
+            values.push(rotation[axis][2] * speed + BIAS_RAD_S[axis] + sigmas[1 + axis] * normal());
+        }
+        let mut sample = Sample { k, t_us: 1000 * k, duty, values, flags: Flags::empty(), lost: false };
+        change(&mut sample);
+        if !sample.lost {
+            let tick = Tick { flags: sample.flags.bits(), ..Tick::default() };
+            let row = Row { t_us: sample.t_us, seq: k, phase: 0, tick, duty: &[sample.duty], values: &sample.values };
+            recorder.push(&row).unwrap();
+        }
+    }
+    recorder.finish(Source { path: "run.mcap".into(), sha256: String::new() })
+}
+
+struct Sample {
+    k: u64,
+    t_us: u64,
+    duty: f64,
+    values: Vec<f64>,
+    flags: Flags,
+    lost: bool,
+}
+
+fn checked(change: impl FnMut(&mut Sample)) -> Check {
+    check(&recording_with(change))
+}
+
+/// There is this one finding, and nothing as bad beside it.
+#[track_caller]
+fn only(check: &Check, severity: Severity, about: About, says: &str) {
+    let [finding] = &check.findings[..] else { panic!("{:#?}", check.findings) };
+    assert_eq!((finding.severity, finding.about), (severity, about), "{finding:#?}");
+    assert!(finding.message.contains(says), "{finding:#?}");
+    assert!(!finding.advice.is_empty());
+    assert_eq!(check.usable, severity != Severity::Error);
+}
+
+/// Among the findings is this one.
+#[track_caller]
+fn among(check: &Check, severity: Severity, about: About, says: &str) {
+    let found = check.findings.iter().any(|f| f.severity == severity && f.about == about && f.message.contains(says));
+    assert!(found, "{severity:?} {about:?} `{says}` is not in {:#?}", check.findings);
+}
+
+#[test]
+fn a_good_recording_has_no_finding() {
+    let check = checked(|_| {});
+    assert!(check.usable && check.findings.is_empty(), "{:#?}", check.findings);
+    assert_eq!((check.samples, check.missing_ticks, check.gaps, check.rate_hz), (20_000, 0, 0, 1000.0));
+    assert!((check.rest_s - 3.2).abs() < 1.5e-3, "{}", check.rest_s);
+    let joint = &check.joints[0];
+    // Slow swing of 0.6 rad/s at 0.25 Hz spans 0.764 rad; the top speed is 3 rad/s less the window's smoothing.
+    assert!((joint.range - 0.764).abs() < 0.01, "{}", joint.range);
+    assert!((joint.max_speed - 3.0).abs() < 0.05, "{}", joint.max_speed);
+    assert!((12.0..13.5).contains(&(joint.slow_s + 1.0)), "{}", joint.slow_s);
+    for (rest, bias) in check.rest[1..].iter().zip(BIAS_RAD_S) {
+        assert!((rest.mean - bias).abs() < 5.0 * rest.sigma_described / 3200f64.sqrt(), "{rest:?}");
+    }
+}
+
+#[test]
+fn findings_are_sorted_and_errors_make_it_unusable() {
+    let mut check = checked(|_| {});
+    for severity in [Severity::Note, Severity::Error, Severity::Warning] {
+        let finding = super::Finding {
+            severity,
+            about: About::Identifiability,
+            channel: None,
+            message: "k_s[1] cannot be told".to_owned(),
+            advice: "bend the belt".to_owned(),
+        };
+        check.add(finding);
+    }
+    let order: Vec<Severity> = check.findings.iter().map(|finding| finding.severity).collect();
+    assert_eq!(order, [Severity::Error, Severity::Warning, Severity::Note]);
+    assert!(!check.usable);
+}
+
+#[test]
+fn missing_ticks_weigh_by_their_share() {
+    only(&checked(|s| s.lost = s.k == 9000), Severity::Note, About::Gaps, "1 ticks (0.01 %) are missing in 1 gaps");
+    let two_percent = checked(|s| s.lost = s.k % 50 == 7);
+    among(&two_percent, Severity::Warning, About::Gaps, "in 400 gaps");
+    assert!(two_percent.usable);
+    assert!(!checked(|s| s.lost = s.k % 4 == 1).usable);
+}
+
+#[test]
+fn the_balance_names_the_culprit() {
+    let mut recording = recording_with(|s| s.lost = (5000..5010).contains(&s.k));
+    let balance = LossBalance {
+        ticks: 20_000,
+        received: 19_990,
+        missing: 10,
+        line_lost: 10,
+        damaged_frames: 3,
+        closed: true,
+        ..Default::default()
+    };
+    recording.balance = Some(balance);
+    let result = check(&recording);
+    among(&result, Severity::Note, About::Gaps, "10 lost on the line");
+    among(&result, Severity::Note, About::Gaps, "3 frames arrived damaged");
+    recording.balance = Some(LossBalance { line_lost: 7, ..balance });
+    among(&check(&recording), Severity::Warning, About::Gaps, "does not close: 10 ticks missing, 7 accounted for");
+    recording.balance = None;
+    recording.firmware = Some(Firmware {
+        version: "0.1.0".into(),
+        protocol_version: 1,
+        schema_key: String::new(),
+        robot: "one_joint".into(),
+        details: String::new(),
+    });
+    among(&check(&recording), Severity::Note, About::Gaps, "loss balance is missing");
+}
+
+#[test]
+fn damage_and_events_are_told() {
+    let mut recording = recording_with(|_| {});
+    recording.damage.push(Damage::CutOff { at_byte: 1000, lost_bytes: 5 });
+    only(&check(&recording), Severity::Note, About::Gaps, "cut off");
+    recording.damage.clear();
+    let text = "the host's heartbeats stayed away".to_owned();
+    recording.events.push(Event { t_us: 12_500_000, seq: 12_500, severity: Severity::Error, text });
+    only(&check(&recording), Severity::Warning, About::Excitation, "after 12.500 s: the host's heartbeats");
+}
+
+#[test]
+fn the_window_at_rest_must_be_long_quiet_and_still() {
+    // The first input comes after 1 s, the motion is as before.
+    let short = checked(|s| s.duty = if s.k >= 1000 && s.duty == 0.0 { 1e-3 } else { s.duty });
+    only(&short, Severity::Note, About::BiasWindow, "rests for 1.00 s");
+    let loud = checked(|s| s.values[1] += if s.k % 2 == 0 { 0.01 } else { -0.01 });
+    only(&loud, Severity::Warning, About::BiasWindow, "the robot file says");
+    let pushed = checked(|s| s.values[2] += if s.k < 1600 { 0.0 } else { 0.01 });
+    among(&pushed, Severity::Warning, About::BiasWindow, "does not rest");
+    let stuck = checked(|s| s.values[1] = if s.k < 3300 { 0.02 } else { s.values[1] });
+    only(&stuck, Severity::Warning, About::BiasWindow, "never changes at rest");
+}
+
+#[test]
+fn a_motion_that_shows_too_little_is_told() {
+    let never = checked(|s| s.duty = 0.0);
+    only(&never, Severity::Error, About::Excitation, "zero in the whole recording");
+    let blocked = checked(|s| s.values[0] = 0.3 + 1e-4 * f64::from((s.k % 3) as u32));
+    among(&blocked, Severity::Error, About::Excitation, "swing does not move");
+    let gentle = checked(|s| {
+        s.duty *= if s.k < 15_200 { 1.0 } else { 0.15 };
+    });
+    among(&gentle, Severity::Warning, About::Excitation, "reaches 15 % of full");
+    among(&gentle, Severity::Warning, About::Excitation, "reverses quickly 0 times");
+}
+
+#[test]
+fn clipped_and_missing_readings_are_told() {
+    let small_range = checked(|s| s.values[3] = s.values[3].clamp(-2.0, 2.0));
+    only(&small_range, Severity::Warning, About::Saturation, "looks clipped");
+    let stale = checked(|s| s.values[1] = if s.k % 40 == 0 { f64::NAN } else { s.values[1] });
+    only(&stale, Severity::Warning, About::Saturation, "500 samples (2.50 %) have no valid reading");
+    let limited = checked(|s| s.flags.set(Flags::POSITION_LIMITED, s.k == 8000));
+    only(&limited, Severity::Note, About::Saturation, "in 1 ticks");
+    let constant = checked(|s| s.values[0] = 0.25);
+    among(&constant, Severity::Error, About::Saturation, "in every sample");
+}
+
+#[test]
+fn another_rate_jitter_and_overruns_are_told() {
+    let slow_clock = checked(|s| s.t_us += s.t_us / 200);
+    only(&slow_clock, Severity::Warning, About::Timing, "995.0");
+    let jitter = checked(|s| s.t_us += if s.k % 2 == 0 { 60 } else { 0 });
+    only(&jitter, Severity::Warning, About::Timing, "jitter by 60.0 µs");
+    let overrun = checked(|s| s.flags.set(Flags::OVERRUN, s.k == 8000));
+    only(&overrun, Severity::Warning, About::Timing, "1 ticks overran");
+}
+
+#[test]
+fn wrong_units_signs_and_axes_are_told() {
+    let scaled = |channels: std::ops::Range<usize>, factor: f64| {
+        move |s: &mut Sample| s.values[channels.clone()].iter_mut().for_each(|value| *value *= factor)
+    };
+    let degrees = checked(scaled(0..1, 57.29578));
+    among(&degrees, Severity::Error, About::Units, "looks like degrees");
+    let motor_side = checked(scaled(0..1, 30.0));
+    among(&motor_side, Severity::Error, About::Units, "motor's side of the gear");
+    let not_zeroed = checked(|s| s.values[0] += 12.0);
+    only(&not_zeroed, Severity::Error, About::Units, "but its span fits");
+    let backwards = checked(scaled(0..1, -1.0));
+    among(&backwards, Severity::Error, About::Units, "runs against its input");
+    let gyro_in_degrees = checked(scaled(1..4, 57.29578));
+    among(&gyro_in_degrees, Severity::Error, About::Units, "reads 57.2");
+    let turned = checked(scaled(1..4, -1.0));
+    only(&turned, Severity::Warning, About::Units, "does not turn as the encoders say");
+}
