@@ -155,10 +155,15 @@ fn gyro_follows(
     let name = format!("gyro{}", index + 1);
     let (gain, correlation) = (whole.gain(), whole.coefficient());
     if correlation < FOLLOWS {
-        let letters = ["x", "y", "z"];
-        let told: Vec<String> = (0..3)
-            .filter(|&axis| axes[axis].predicted_rms() >= VISIBLE_SIGMAS * gyro.sigma_rad_s)
-            .map(|axis| format!("{} {:.2}", letters[axis], axes[axis].coefficient()))
+        let visible = VISIBLE_SIGMAS * gyro.sigma_rad_s;
+        let told: Vec<String> = ["x", "y", "z"]
+            .into_iter()
+            .zip(&axes)
+            .filter_map(|(letter, axis)| match (axis.predicted_rms() >= visible, axis.measured_rms() >= visible) {
+                (true, _) => Some(format!("{letter} {:.2}", axis.coefficient())),
+                (false, true) => Some(format!("{letter} turns and should not")),
+                (false, false) => None,
+            })
             .collect();
         findings.add(
             Severity::Warning,
@@ -213,6 +218,10 @@ impl Correlation {
     }
 
     fn predicted_rms(&self) -> f64 {
-        if self.count == 0 { 0.0 } else { (self.predicted / self.count as f64).sqrt() }
+        (self.predicted / self.count.max(1) as f64).sqrt()
+    }
+
+    fn measured_rms(&self) -> f64 {
+        (self.measured / self.count.max(1) as f64).sqrt()
     }
 }
