@@ -47,6 +47,7 @@ pub struct Args {
 pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
     let file = LiveFile::claim(&args.output, args.force)?;
     let robot = args.robot.as_deref().map(Robot::load).transpose().map_err(robot_failure)?;
+    let wanted = Wanted::of(&args.motion)?;
     let interrupt = Interrupt::listen()?;
 
     let connecting = ui.busy("connecting");
@@ -66,7 +67,7 @@ pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
         None => Robot::builtin(identity.robot.as_str())
             .map_err(|error| robot_failure(error).advice("name the robot's description file with --robot"))?,
     };
-    let (motion, text) = load_motion(&args.motion, &robot)?;
+    let (motion, text) = wanted.fitted(&robot)?;
     let zero = ask_for_zero(&args, &device, ui)?;
 
     let preparing = ui.busy("uploading");
@@ -113,27 +114,43 @@ fn losses(balance: &crate::recording::LossBalance) -> String {
     )
 }
 
-/// A preset for this robot, or a file; and its text.
-fn load_motion(name_or_path: &str, robot: &Robot) -> Result<(Motion, String), Failure> {
-    let limits = link::joint_limits(robot);
-    let preset = match name_or_path {
-        "calibration" => Some(preset::calibration(&limits)),
-        "validation" => Some(preset::validation(&limits)),
-        _ => None,
-    };
-    if let Some(motion) = preset {
-        let text = toml::to_string(&motion).map_err(Failure::fault)?;
-        return Ok((motion, text));
+/// What the user wants played.
+enum Wanted {
+    Calibration,
+    Validation,
+    File(Box<Motion>, String),
+}
+
+impl Wanted {
+    /// Reads the motion file, if it is one. To be called before anything is connected.
+    fn of(name_or_path: &str) -> Result<Self, Failure> {
+        match name_or_path {
+            "calibration" => return Ok(Self::Calibration),
+            "validation" => return Ok(Self::Validation),
+            _ => {}
+        }
+        let text = std::fs::read_to_string(name_or_path).map_err(|error| {
+            Failure::device(format!("cannot read the motion {name_or_path}: {error}"))
+                .advice("give calibration, validation, or the path of a motion file")
+        })?;
+        let motion = toml::from_str(&text).map_err(|error| {
+            Failure::data(format!("{name_or_path} is not a motion: {error}"))
+                .advice("correct the file at that place; every recording holds its motion as an example (motion.toml)")
+        })?;
+        Ok(Self::File(Box::new(motion), text))
     }
-    let text = std::fs::read_to_string(name_or_path).map_err(|error| {
-        Failure::device(format!("cannot read the motion {name_or_path}: {error}"))
-            .advice("give calibration, validation, or the path of a motion file")
-    })?;
-    let motion = toml::from_str(&text).map_err(|error| {
-        Failure::data(format!("{name_or_path} is not a motion: {error}"))
-            .advice("correct the file at that place; every recording holds its motion as an example (motion.toml)")
-    })?;
-    Ok((motion, text))
+
+    /// The motion for a robot, and its text for the recording.
+    fn fitted(self, robot: &Robot) -> Result<(Motion, String), Failure> {
+        let limits = link::joint_limits(robot);
+        let motion = match self {
+            Self::Calibration => preset::calibration(&limits),
+            Self::Validation => preset::validation(&limits),
+            Self::File(motion, text) => return Ok((*motion, text)),
+        };
+        let text = toml::to_string(&motion).map_err(Failure::fault)?;
+        Ok((motion, text))
+    }
 }
 
 /// Whether the pose is to be taken as zero; on a terminal the user is asked to hold the robot.

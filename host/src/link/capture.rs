@@ -267,9 +267,6 @@ impl Take {
         let (mut looked, mut looked_samples, mut heard) = (Instant::now(), 0, Instant::now());
         loop {
             let arrival = device.next(LOOK)?;
-            if stop.load(Relaxed) {
-                return Err(CaptureError::Interrupted);
-            }
             let now = Instant::now();
             match arrival {
                 Some(arrival) => {
@@ -279,6 +276,9 @@ impl Take {
                     self.keep(device, arrival)?;
                 }
                 None => self.writer.flush()?,
+            }
+            if stop.load(Relaxed) {
+                return Err(CaptureError::Interrupted);
             }
             if now - heard > SILENCE {
                 return Err(LinkError::Silent { waited: SILENCE }.into());

@@ -93,10 +93,21 @@ impl Scales {
             return Err(ScaleError::Input { robot: name() });
         }
         let zero = hello.zero.as_ref().ok_or(ScaleError::NotZeroed)?;
-        agree("period (s)", "the tick", f64::from(hello.tick_us) * 1e-6, robot.sample_period_s)?;
+        let channels = robot.channels();
+        let is_position = |kind| matches!(kind, ChannelKind::MotorPosition { .. } | ChannelKind::LinkPosition { .. });
+        for (what, device, description) in [
+            ("joints", hello.layout.joints(), robot.joints.len()),
+            ("encoders", hello.layout.encoders(), channels.iter().filter(|c| is_position(c.kind)).count()),
+            ("gyros", hello.layout.gyros(), robot.gyros().count()),
+        ] {
+            if device != description {
+                return Err(ScaleError::Count { what, device, description, robot: name() });
+            }
+        }
+        agree("the period (s)", "the tick", f64::from(hello.tick_us) * 1e-6, robot.sample_period_s)?;
         let mut origins = Vec::new();
         let mut zero_rad = Vec::new();
-        for channel in robot.channels() {
+        for channel in channels {
             let missing = || ScaleError::Missing { channel: channel.name.clone() };
             let origin = match channel.kind {
                 ChannelKind::MotorPosition { joint } | ChannelKind::LinkPosition { joint } => {
@@ -128,16 +139,6 @@ impl Scales {
                 ChannelKind::MotorSpeed { .. } | ChannelKind::LinkSpeed { .. } => return Err(missing()),
             };
             origins.push(origin);
-        }
-        let encoders = origins.iter().filter(|o| matches!(o, Origin::Encoder { .. })).count();
-        for (what, device, description) in [
-            ("joints", hello.layout.joints(), robot.joints.len()),
-            ("encoders", hello.layout.encoders(), encoders),
-            ("gyros", hello.layout.gyros(), robot.gyros().count()),
-        ] {
-            if device != description {
-                return Err(ScaleError::Count { what, device, description, robot: name() });
-            }
         }
         Ok(Self { duty: vec![0.0; robot.joints.len()], values: vec![f64::NAN; origins.len()], zero: zero_rad, origins })
     }

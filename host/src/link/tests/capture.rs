@@ -125,7 +125,9 @@ fn a_wish_to_stop_stops_the_robot_and_closes_the_file() {
     let trial = Trial::of(&peer, &stop, |_| stop.store(true, Relaxed));
     assert!(matches!(trial.outcome, Err(CaptureError::Interrupted)), "{:?}", trial.outcome);
     let recording = trial.recording();
-    assert!(recording.damage.is_empty() && recording.balance.unwrap().closed);
+    let balance = recording.balance.unwrap();
+    assert!(recording.damage.is_empty() && balance.closed);
+    assert_eq!((balance.missing, balance.received), (0, recording.len() as u64));
     assert!(recording.events.iter().any(|e| e.text == "motion stopped by the host"), "{:?}", recording.events);
 }
 

@@ -1,0 +1,193 @@
+//! Stories of `host record`: the binary against a scripted device behind a pseudo-terminal.
+
+#[path = "../src/link/tests/peer.rs"]
+#[allow(dead_code, reason = "the link's own tests use the rest of it")]
+mod peer;
+
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command as Process, Output, Stdio};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
+use std::time::{Duration, Instant};
+
+use host::recording;
+use peer::{Doggy, Peer, Script, Wire, doggy};
+use protocol::{Command, Report, ToDevice};
+
+/// A folder, and a recording to be made in it.
+struct Desk {
+    folder: tempfile::TempDir,
+}
+
+impl Desk {
+    fn new() -> Self {
+        Self { folder: tempfile::tempdir().unwrap() }
+    }
+
+    fn file(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    fn record(&self, port: &str, more: &[&str]) -> Process {
+        let mut host = Process::new(env!("CARGO_BIN_EXE_host"));
+        host.args(["record", "--port", port, "-o"]).arg(self.file("run.mcap")).args(more);
+        host.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        host
+    }
+
+    /// A motion of half a second, for the scripted device.
+    fn short_motion(&self) -> String {
+        let path = self.file("short.toml");
+        let motion = "name = \"short\"\nstages = [\"rest\"]\ngain = [1.0, 1.0, 1.0]\n\n[[segments]]\nstage = 0\n\
+                      action.zero = { duration_ms = 500 }\n";
+        std::fs::write(&path, motion).unwrap();
+        path.to_str().unwrap().to_owned()
+    }
+}
+
+/// Exit code and what was said.
+fn ended(output: Output) -> (i32, String) {
+    (output.status.code().unwrap_or(-1), String::from_utf8(output.stderr).unwrap())
+}
+
+fn interrupt(child: &Child) {
+    assert!(Process::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+}
+
+#[test]
+fn a_motion_is_recorded_and_the_losses_are_told() {
+    let peer = Peer::start(Doggy::default());
+    let desk = Desk::new();
+    let (code, said) = ended(desk.record(&peer.path, &["--motion", &desk.short_motion()]).output().unwrap());
+    assert_eq!(code, 0, "{said}");
+    assert!(said.contains("0 lost") && said.contains("doggy, firmware 0.1.0"), "{said}");
+    let recording = recording::read(&desk.file("run.mcap")).unwrap();
+    assert!(recording.len() >= 750 && recording.missing_ticks() == 0, "{}", recording.len());
+
+    // A second time nothing is overwritten, and the device is not even asked.
+    while peer.heard.try_recv().is_ok() {}
+    let before = std::fs::read(desk.file("run.mcap")).unwrap();
+    let (code, said) = ended(desk.record(&peer.path, &[]).output().unwrap());
+    assert_eq!(code, 2, "{said}");
+    assert!(said.contains("--force"), "{said}");
+    assert_eq!(std::fs::read(desk.file("run.mcap")).unwrap(), before);
+    assert!(peer.heard.try_recv().is_err());
+}
+
+#[test]
+fn what_cannot_work_says_what_to_do_and_leaves_no_file() {
+    struct Silent;
+    impl Script for Silent {
+        fn hear(&mut self, _: &ToDevice, _: &mut Wire) {}
+    }
+    struct Stranger;
+    impl Script for Stranger {
+        fn hear(&mut self, _: &ToDevice, out: &mut Wire) {
+            let mut hello = doggy();
+            hello.identity.protocol_version = 77;
+            out.report(&Report::Hello(hello));
+        }
+    }
+    let mut unzeroed = Doggy::default();
+    unzeroed.hello.zero = None;
+    let (silent, stranger, unzeroed) = (Peer::start(Silent), Peer::start(Stranger), Peer::start(unzeroed));
+    let unknown = Peer::start(Doggy {
+        hello: {
+            let mut h = doggy();
+            h.identity.robot = protocol::units::text("rover");
+            h
+        },
+        ..Doggy::default()
+    });
+
+    let desk = Desk::new();
+    let typo = desk.file("typo.toml");
+    std::fs::write(&typo, "name = \"typo\"\nstagse = []\n").unwrap();
+    for (port, more, code, parts) in [
+        ("/dev/no-such-port", vec![], 3, vec!["/dev/no-such-port", "host ports"]),
+        (&silent.path, vec![], 3, vec!["does not answer", "switched on"]),
+        (&stranger.path, vec![], 3, vec!["protocol 77", "protocol 1,", "flash the firmware"]),
+        (&unzeroed.path, vec![], 3, vec!["zero positions", "--set-zero"]),
+        (&unknown.path, vec![], 2, vec!["rover", "--robot"]),
+        (&unzeroed.path, vec!["--set-zero", "--robot", "one_joint"], 4, vec!["one_joint", "--robot"]),
+        (&unzeroed.path, vec!["--motion", "no/such/motion.toml"], 3, vec!["no/such/motion.toml", "calibration"]),
+        (&unzeroed.path, vec!["--motion", typo.to_str().unwrap()], 4, vec!["stagse"]),
+        (&unzeroed.path, vec!["--baud", "115200"], 2, vec!["115200 baud", "--baud"]),
+    ] {
+        let (got, said) = ended(desk.record(port, &more).output().unwrap());
+        assert_eq!(got, code, "{port} {more:?}: {said}");
+        for part in parts {
+            assert!(said.contains(part), "{port} {more:?}: {part} is not in: {said}");
+        }
+        assert!(!desk.file("run.mcap").exists(), "{port} {more:?}");
+    }
+}
+
+/// Waits until a recording has at least one sample behind its head.
+fn wait_for_growth(path: &Path) {
+    let until = Instant::now() + Duration::from_secs(30);
+    while std::fs::metadata(path).map_or(0, |m| m.len()) < 20_000 {
+        assert!(Instant::now() < until, "no recording in {}", path.display());
+        std::thread::sleep(Duration::from_millis(10));
+    }
+}
+
+#[test]
+fn ctrl_c_stops_the_robot_first_and_closes_the_file() {
+    let peer = Peer::start(Doggy { motion_ticks: u32::MAX, ..Doggy::default() });
+    let desk = Desk::new();
+    let child = desk.record(&peer.path, &["--motion", &desk.short_motion()]).spawn().unwrap();
+    wait_for_growth(&desk.file("run.mcap"));
+    while peer.heard.try_recv().is_ok() {}
+    interrupt(&child);
+    let (code, said) = ended(child.wait_with_output().unwrap());
+    assert_eq!(code, 3, "{said}");
+    assert!(said.contains("stopped"), "{said}");
+    let commands: Vec<Command> = std::iter::from_fn(|| peer.heard.try_recv().ok())
+        .filter_map(|message| match message {
+            ToDevice::Request { command, .. } => Some(command),
+            _ => None,
+        })
+        .collect();
+    assert_eq!(commands.first(), Some(&Command::Stop), "{commands:?}");
+    let recording = recording::read(&desk.file("run.mcap")).unwrap();
+    assert!(recording.damage.is_empty() && recording.balance.unwrap().closed);
+    assert!(recording.events.iter().any(|event| event.text.contains("stopped by the host")));
+}
+
+#[test]
+fn a_hundred_kills_lose_half_a_second_at_most() {
+    // Ten at a time: each waits for its device most of the time.
+    let worst = std::thread::scope(|scope| {
+        let lanes: Vec<_> =
+            (0..10).map(|lane| scope.spawn(move || (0..10).map(|n| kill(lane * 10 + n)).max().unwrap())).collect();
+        lanes.into_iter().map(|lane| lane.join().unwrap()).max().unwrap()
+    });
+    eprintln!("100 kills: at most {worst} ms lost");
+    assert!(worst <= 500, "{worst} ms lost");
+}
+
+/// Kills a recording at a moment drawn by `seed`; how much device time of it is missing in the file, ms.
+fn kill(seed: u64) -> u32 {
+    let sent = Arc::new(AtomicU32::new(0));
+    let told = Arc::clone(&sent);
+    let fate = move |seq: u32, _: &mut Vec<u8>| {
+        told.store(seq, Relaxed);
+        true
+    };
+    let peer = Peer::start(Doggy { seq: 0, motion_ticks: u32::MAX, fate: Box::new(fate), ..Doggy::default() });
+    let desk = Desk::new();
+    let mut child = desk.record(&peer.path, &["--motion", &desk.short_motion()]).spawn().unwrap();
+    wait_for_growth(&desk.file("run.mcap"));
+    // SplitMix64: a moment within 1.2 s, so that flushes and syncs are hit as well as what lies between them.
+    let mut z = (seed + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    std::thread::sleep(Duration::from_micros((z ^ (z >> 31)) % 1_200_000));
+    child.kill().unwrap();
+    let last_sent = sent.load(Relaxed);
+    child.wait().unwrap();
+    let recording = recording::read(&desk.file("run.mcap")).unwrap();
+    assert_eq!(recording.missing_ticks(), 0, "seed {seed}");
+    last_sent - *recording.seq.last().unwrap() as u32
+}
