@@ -1,1 +1,69 @@
-//! Helpers of the stories: the `host` binary run as a process, scratch folders, the shared data folder.
+//! Helpers of the stories: the `host` binary run as a process, scratch folders, the folder of independent recordings.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+/// The `host` binary of this build.
+///
+/// # Panics
+/// If it was not built: `tests/run` builds it first.
+pub fn host() -> Command {
+    let test = std::env::current_exe().expect("a running test has a path");
+    // target/debug/deps/story-hash → target/debug/host
+    let binary = test.parent().and_then(Path::parent).expect("tests lie in deps").join("host");
+    assert!(binary.exists(), "{} is not built: run tests/run, or cargo build first", binary.display());
+    Command::new(binary)
+}
+
+/// Runs `host` with these arguments to its end.
+pub fn run_host<S: AsRef<std::ffi::OsStr>>(arguments: impl IntoIterator<Item = S>) -> Output {
+    host().args(arguments).output().expect("the host binary can be started")
+}
+
+/// Runs `host`, which must succeed; gives what it printed to stderr.
+///
+/// # Panics
+/// If it ends with another code than 0.
+pub fn host_succeeds<S: AsRef<std::ffi::OsStr>>(arguments: impl IntoIterator<Item = S>) -> String {
+    let output = run_host(arguments);
+    let text = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.success(), "host ended with {}:\n{text}", output.status);
+    text
+}
+
+/// The folder of recordings made by an independent simulator, from `RECORDINGS_DIR`; without it the story is skipped, loudly.
+pub fn recordings(story: &str) -> Option<PathBuf> {
+    let folder = std::env::var_os("RECORDINGS_DIR").map(PathBuf::from).filter(|folder| folder.is_dir());
+    if folder.is_none() {
+        eprintln!("SKIPPED {story}: set RECORDINGS_DIR to the folder of independent recordings");
+    }
+    folder
+}
+
+/// A result file.
+///
+/// # Panics
+/// If it is not there or not JSON.
+pub fn json(path: &Path) -> serde_json::Value {
+    let text = std::fs::read_to_string(path).expect("the result was written");
+    serde_json::from_str(&text).expect("results are JSON")
+}
+
+/// A parameter of CAL.json by name.
+///
+/// # Panics
+/// If there is none.
+pub fn parameter<'a>(calibration: &'a serde_json::Value, name: &str) -> &'a serde_json::Value {
+    calibration["parameters"]
+        .as_array()
+        .and_then(|list| list.iter().find(|p| p["name"] == name))
+        .unwrap_or_else(|| panic!("CAL.json has no parameter {name}"))
+}
+
+/// The estimate of a parameter of CAL.json.
+///
+/// # Panics
+/// If there is none.
+pub fn estimate(calibration: &serde_json::Value, name: &str) -> f64 {
+    parameter(calibration, name)["estimate"].as_f64().unwrap_or_else(|| panic!("{name} has no estimate"))
+}
