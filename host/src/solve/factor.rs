@@ -9,7 +9,7 @@
 //! L and `[Y | Z | y]` are kept for the back-substitution: `n(n+1)/2 + n·width` doubles a stage.
 //! The two sweeps and their order of summation are always the same, so results do not depend on the number of threads.
 
-use super::kernel::{self, LANES, Pivot, Product, Work, padded, triangle, vectorised};
+use super::kernel::{self, MAX_STAGE_SIZE, Pivot, Product, STAGE_SIZES, Work, padded, triangle, vectorised};
 use super::{LeastSquares, Rows, Step, Transition};
 
 /// Why an elimination failed: a stage that its residuals do not determine.
@@ -47,12 +47,6 @@ impl From<Singular> for SolveError {
         SolveError::Undetermined { stage, unknown: pivot.index, pivot: pivot.value }
     }
 }
-
-/// Block sizes that are compiled; a stage of n unknowns runs in the next larger one.
-const STAGE_SIZES: [usize; 9] = [4, 8, 12, 16, 20, 24, 28, 32, 36];
-
-/// The largest stage that can be solved.
-pub const MAX_STAGE_SIZE: usize = STAGE_SIZES[STAGE_SIZES.len() - 1];
 
 /// Sizes of the blocks, with their padding.
 #[derive(Debug, Clone, Copy)]
@@ -95,23 +89,6 @@ pub struct Factor {
     border: Vec<f64>,
 }
 
-/// What one sweep hands to the middle stage: its block `[D | B | g]`, the undamped diagonal of D, and its share of the border.
-struct Carry {
-    block: Vec<f64>,
-    diagonal: Vec<f64>,
-    border: Vec<f64>,
-}
-
-impl Carry {
-    fn new(shape: Shape) -> Self {
-        Carry {
-            block: vec![0.0; shape.padded_stage * shape.width],
-            diagonal: vec![0.0; shape.padded_stage],
-            border: vec![0.0; shape.border_width * shape.border_width],
-        }
-    }
-}
-
 impl Factor {
     /// Room for the factor of `problem`; [`factorise`](Self::factorise) fills it, as often as wanted.
     ///
@@ -138,53 +115,34 @@ impl Factor {
         damping: f64,
         threads: usize,
     ) -> Result<(), Singular> {
-        macro_rules! dispatch {
-            ($($size:literal)*) => {
-                match self.shape.padded_stage {
-                    $($size => self.factorise_sized::<P, $size>(problem, point, damping, threads),)*
-                    other => unreachable!("stage size {other} is not among STAGE_SIZES"),
-                }
-            };
-        }
-        dispatch!(4 8 12 16 20 24 28 32 36)
-    }
-
-    fn factorise_sized<P: LeastSquares, const N: usize>(
-        &mut self,
-        problem: &P,
-        point: &P::Point,
-        damping: f64,
-        threads: usize,
-    ) -> Result<(), Singular> {
         let (shape, middle) = (self.shape, self.middle);
         let size = shape.kept();
         let (left_kept, rest) = self.kept.split_at_mut(middle * size);
         let (middle_kept, right_kept) = rest.split_at_mut(size);
-        let sweep = |kept, leftward| Sweep::<P, N> { problem, point, damping, shape, middle, kept, leftward };
-        let (left, right) = (sweep(left_kept, false), sweep(right_kept, true));
         let (left, right) = if threads > 1 {
             std::thread::scope(|scope| {
-                let left = scope.spawn(|| vectorised(left));
-                let right = vectorised(right);
+                let left = scope.spawn(|| sweep_right(problem, point, shape, damping, left_kept));
+                let right = sweep_left(problem, point, shape, damping, middle, right_kept);
                 (left.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)), right)
             })
         } else {
-            (vectorised(left), vectorised(right))
+            (
+                sweep_right(problem, point, shape, damping, left_kept),
+                sweep_left(problem, point, shape, damping, middle, right_kept),
+            )
         };
-        let (mut carry, right) = (left?, right?);
-        add(&mut carry.block, &right.block);
-        add(&mut carry.diagonal, &right.diagonal);
-        add(&mut carry.border, &right.border);
-        let mut rows = Rows::new(shape.stage, N, shape.border, shape.width);
-        problem.border_rows(point, &mut rows);
-        add_border_rows(&mut carry.border, &rows, shape);
-        rows.clear();
-        problem.rows(point, middle, &mut problem.scratch(), &mut rows);
-        add_rows::<N, false>(&mut carry, &rows, shape);
-        let uncoupled = [[0.0; N]; N];
-        eliminate::<N, false>(&mut carry, &uncoupled, shape, damping, middle_kept)
+        let (mut sweep, right) = (left?, right?);
+        sweep.take_over(&right);
+        sweep.rows.clear();
+        problem.border_rows(point, &mut sweep.rows);
+        vectorised(AddRows { sweep: &mut sweep });
+        sweep.rows.clear();
+        problem.rows(point, middle, &mut problem.scratch(), &mut sweep.rows);
+        vectorised(AddRows { sweep: &mut sweep });
+        sweep.coupling.fill(0.0);
+        vectorised(Eliminate { sweep: &mut sweep, damping, kept: middle_kept })
             .map_err(|pivot| Singular { stage: middle, pivot })?;
-        self.border = carry.border;
+        self.border = sweep.border;
         Ok(())
     }
 
@@ -210,50 +168,37 @@ impl Factor {
 
     /// The step of all states that goes with the step `border` of the shared unknowns.
     pub fn back_substitute(&self, border: &[f64], threads: usize) -> Step {
-        macro_rules! dispatch {
-            ($($size:literal)*) => {
-                match self.shape.padded_stage {
-                    $($size => self.back_substitute_sized::<$size>(border, threads),)*
-                    other => unreachable!("stage size {other} is not among STAGE_SIZES"),
-                }
-            };
-        }
-        dispatch!(4 8 12 16 20 24 28 32 36)
-    }
-
-    fn back_substitute_sized<const N: usize>(&self, border: &[f64], threads: usize) -> Step {
         let (shape, size, n) = (self.shape, self.shape.kept(), self.shape.stage);
-        let stage = |k: usize, neighbour: &[f64; N]| -> [f64; N] {
-            let kept = &self.kept[k * size..(k + 1) * size];
-            let (l, t) = kept.split_at(triangle(N));
-            let mut x = [0.0; N];
-            for i in 0..N {
-                let row = &t[i * shape.width..(i + 1) * shape.width];
-                let (coupling, rest) = row.split_at(N);
-                let shared: f64 = rest[..shape.border].iter().zip(border).map(|(z, p)| z * p).sum();
-                let chain: f64 = coupling.iter().zip(neighbour).map(|(y, x)| y * x).sum();
-                x[i] = -(rest[shape.border] + shared + chain);
+        let padded = shape.padded_stage;
+        // x = −L⁻ᵀ (y + Y x_neighbour + Z p), in place of the neighbour's x.
+        let solve = |k: usize, x: &mut Vec<f64>, own: &mut [f64]| {
+            let (l, t) = self.kept[k * size..(k + 1) * size].split_at(triangle(padded));
+            let mut right = [0.0; MAX_STAGE_SIZE];
+            for (right, row) in right.iter_mut().zip(t.chunks_exact(shape.width)) {
+                let (coupling, rest) = row.split_at(padded);
+                let shared: f64 = rest.iter().zip(border).map(|(z, p)| z * p).sum();
+                let chain: f64 = coupling.iter().zip(&*x).map(|(y, x)| y * x).sum();
+                *right = -(rest[shape.border] + shared + chain);
             }
-            kernel::backward::<N>(l, &mut x);
-            x
+            x.copy_from_slice(&right[..padded]);
+            kernel::backward(l, x);
+            own.copy_from_slice(&x[..n]);
         };
         let mut states = vec![0.0; self.kept.len() / size * n];
         let (left_states, rest) = states.split_at_mut(self.middle * n);
         let (middle_states, right_states) = rest.split_at_mut(n);
-        let middle = stage(self.middle, &[0.0; N]);
-        middle_states.copy_from_slice(&middle[..n]);
+        let mut middle = vec![0.0; padded];
+        solve(self.middle, &mut middle, middle_states);
         let mut left = || {
-            let mut x = middle;
-            for (k, state) in left_states.chunks_exact_mut(n).enumerate().rev() {
-                x = stage(k, &x);
-                state.copy_from_slice(&x[..n]);
+            let mut x = middle.clone();
+            for (k, own) in left_states.chunks_exact_mut(n).enumerate().rev() {
+                solve(k, &mut x, own);
             }
         };
         let mut right = || {
-            let mut x = middle;
-            for (k, state) in right_states.chunks_exact_mut(n).enumerate() {
-                x = stage(self.middle + 1 + k, &x);
-                state.copy_from_slice(&x[..n]);
+            let mut x = middle.clone();
+            for (k, own) in right_states.chunks_exact_mut(n).enumerate() {
+                solve(self.middle + 1 + k, &mut x, own);
             }
         };
         if threads > 1 {
@@ -275,155 +220,218 @@ fn add(a: &mut [f64], b: &[f64]) {
     }
 }
 
-/// Adds `Σ rowᵀ row` to the stage's block and the border.
-#[inline(always)]
-fn add_rows<const N: usize, const FMA: bool>(carry: &mut Carry, rows: &Rows, shape: Shape) {
-    let product = Product { source: rows.values(), rows: rows.count(), stride: shape.width, left_at: 0, right_at: 0 };
-    add_product::<N, FMA>(carry, product, shape);
+/// The moving front of an elimination: the block of the stage that comes next, and everything its reduction needs.
+struct Sweep {
+    shape: Shape,
+    /// `[D | B | g]` of the stage at the front, with what has been eliminated into it.
+    block: Vec<f64>,
+    /// Diagonal of D before anything was taken off it: what damping multiplies.
+    diagonal: Vec<f64>,
+    /// This sweep's share of the border.
+    border: Vec<f64>,
+    /// E: the block that couples the stage at the front (rows) to the one it is eliminated into (columns).
+    coupling: Vec<f64>,
+    /// `[D | B | g]` of the stage that is eliminated into, and its diagonal.
+    next: Vec<f64>,
+    next_diagonal: Vec<f64>,
+    rows: Rows,
+    transition: Transition,
 }
 
-/// Adds a product of whitened rows to the stage's block, its undamped diagonal and the border.
-#[inline(always)]
-fn add_product<const N: usize, const FMA: bool>(carry: &mut Carry, product: Product<'_>, shape: Shape) {
-    kernel::gram::<FMA>(&mut carry.block, shape.width, N, product, 1.0);
-    for row in product.source.chunks_exact(product.stride).take(product.rows) {
-        for i in 0..N {
-            carry.diagonal[i] += row[i] * row[i];
+impl Sweep {
+    fn new(shape: Shape) -> Self {
+        let (n, width) = (shape.padded_stage, shape.width);
+        Sweep {
+            shape,
+            block: vec![0.0; n * width],
+            diagonal: vec![0.0; n],
+            border: vec![0.0; shape.border_width * shape.border_width],
+            coupling: vec![0.0; n * n],
+            next: vec![0.0; n * width],
+            next_diagonal: vec![0.0; n],
+            rows: Rows::new(shape.stage, n, shape.border, width),
+            transition: Transition::new(shape.stage, n, shape.border, width),
         }
     }
-    let product = Product { left_at: N, right_at: N, ..product };
-    kernel::gram::<FMA>(&mut carry.border, shape.border_width, shape.border_width, product, 1.0);
+
+    /// Joins the front of the other sweep, at the stage where the two meet.
+    fn take_over(&mut self, other: &Sweep) {
+        add(&mut self.block, &other.block);
+        add(&mut self.diagonal, &other.diagonal);
+        add(&mut self.border, &other.border);
+    }
+
+    /// Makes the stage that was eliminated into the one at the front.
+    fn advance(&mut self) {
+        std::mem::swap(&mut self.block, &mut self.next);
+        std::mem::swap(&mut self.diagonal, &mut self.next_diagonal);
+        self.next.fill(0.0);
+        self.next_diagonal.fill(0.0);
+        self.coupling.fill(0.0);
+    }
+
+    /// Adds products of whitened rows to the block at the front (or the next one), its diagonal and the border.
+    #[inline(always)]
+    fn add_product<const FMA: bool>(
+        shape: Shape,
+        (block, diagonal): (&mut Vec<f64>, &mut Vec<f64>),
+        border: &mut [f64],
+        source: &[f64],
+    ) {
+        let (n, width) = (shape.padded_stage, shape.width);
+        let product = Product { source, rows: source.len() / width, stride: width, left_at: 0, right_at: 0 };
+        kernel::gram::<FMA>(block, width, n, product, 1.0);
+        for row in source.chunks_exact(width) {
+            for (diagonal, value) in diagonal.iter_mut().zip(&row[..n]) {
+                *diagonal += value * value;
+            }
+        }
+        let product = Product { left_at: n, right_at: n, ..product };
+        kernel::gram::<FMA>(border, shape.border_width, shape.border_width, product, 1.0);
+    }
 }
 
-/// Adds the border's own rows to the border.
-fn add_border_rows(border: &mut [f64], rows: &Rows, shape: Shape) {
-    let at = shape.padded_stage;
-    let product = Product { source: rows.values(), rows: rows.count(), stride: shape.width, left_at: at, right_at: at };
-    kernel::gram::<false>(border, shape.border_width, shape.border_width, product, 1.0);
-}
-
-/// Eliminates the stage whose block is `carry` and whose coupling to its neighbour is given: keeps L and `[Y | Z | y]`, reduces the border.
-#[inline(always)]
-fn eliminate<const N: usize, const FMA: bool>(
-    carry: &mut Carry,
-    coupling: &[[f64; N]; N],
+/// Stages 0 … middle−1, each into its successor.
+fn sweep_right<P: LeastSquares>(
+    problem: &P,
+    point: &P::Point,
     shape: Shape,
     damping: f64,
     kept: &mut [f64],
-) -> Result<(), Pivot> {
-    let width = shape.width;
-    for i in 0..N {
-        carry.block[i * width + i] += damping * carry.diagonal[i];
-        if i >= shape.stage {
-            carry.block[i * width + i] = 1.0;
+) -> Result<Sweep, Singular> {
+    let mut sweep = Sweep::new(shape);
+    let mut scratch = problem.scratch();
+    for (k, kept) in kept.chunks_exact_mut(shape.kept()).enumerate() {
+        sweep.rows.clear();
+        problem.rows(point, k, &mut scratch, &mut sweep.rows);
+        vectorised(AddRows { sweep: &mut sweep });
+        if problem.linked(k) {
+            problem.transition(point, k, &mut scratch, &mut sweep.transition);
+            vectorised(AddTransition { sweep: &mut sweep, front_is_successor: false });
         }
+        vectorised(Eliminate { sweep: &mut sweep, damping, kept }).map_err(|pivot| Singular { stage: k, pivot })?;
+        sweep.advance();
     }
-    let (l, t) = kept.split_at_mut(triangle(N));
-    kernel::cholesky::<N, FMA>(&carry.block, width, l)?;
-    for i in 0..N {
-        let row = &mut t[i * width..(i + 1) * width];
-        row[..N].copy_from_slice(&coupling[i]);
-        row[N..].copy_from_slice(&carry.block[i * width + N..(i + 1) * width]);
-    }
-    kernel::forward::<N, FMA>(l, t, width);
-    let product = Product { source: t, rows: N, stride: width, left_at: N, right_at: N };
-    kernel::gram::<FMA>(&mut carry.border, shape.border_width, shape.border_width, product, -1.0);
-    Ok(())
+    Ok(sweep)
 }
 
-/// One sweep over one half of the chain.
-struct Sweep<'a, P: LeastSquares, const N: usize> {
-    problem: &'a P,
-    point: &'a P::Point,
-    damping: f64,
+/// Stages N−1 … middle+1, each into its predecessor.
+fn sweep_left<P: LeastSquares>(
+    problem: &P,
+    point: &P::Point,
     shape: Shape,
+    damping: f64,
     middle: usize,
-    kept: &'a mut [f64],
-    /// False: stages 0 … middle−1, each into its successor. True: stages N−1 … middle+1, each into its predecessor.
-    leftward: bool,
+    kept: &mut [f64],
+) -> Result<Sweep, Singular> {
+    let mut sweep = Sweep::new(shape);
+    let mut scratch = problem.scratch();
+    for (slot, kept) in kept.chunks_exact_mut(shape.kept()).enumerate().rev() {
+        let k = middle + 1 + slot;
+        sweep.rows.clear();
+        problem.rows(point, k, &mut scratch, &mut sweep.rows);
+        vectorised(AddRows { sweep: &mut sweep });
+        if problem.linked(k - 1) {
+            problem.transition(point, k - 1, &mut scratch, &mut sweep.transition);
+            vectorised(AddTransition { sweep: &mut sweep, front_is_successor: true });
+        }
+        vectorised(Eliminate { sweep: &mut sweep, damping, kept }).map_err(|pivot| Singular { stage: k, pivot })?;
+        sweep.advance();
+    }
+    Ok(sweep)
 }
 
-impl<P: LeastSquares, const N: usize> Work for Sweep<'_, P, N> {
-    type Output = Result<Carry, Singular>;
+/// Adds `Σ rowᵀ row` of the stage's own rows.
+struct AddRows<'a> {
+    sweep: &'a mut Sweep,
+}
+
+impl Work for AddRows<'_> {
+    type Output = ();
 
     #[inline(always)]
-    fn run<const FMA: bool>(self) -> Result<Carry, Singular> {
-        let Sweep { problem, point, damping, shape, middle, kept, leftward } = self;
-        let width = shape.width;
-        debug_assert_eq!(width % LANES, 0);
-        let mut rows = Rows::new(shape.stage, N, shape.border, width);
-        let mut transition = Transition::new(shape.stage, N, shape.border, width);
-        let mut carry = Carry::new(shape);
-        let mut scratch = problem.scratch();
-        let mut coupling = [[0.0; N]; N];
-        let mut next = vec![0.0; N * width];
-        let mut next_diagonal = [0.0; N];
-        let count = kept.len() / shape.kept();
-        for step in 0..count {
-            let k = if leftward { middle + count - step } else { step };
-            rows.clear();
-            problem.rows(point, k, &mut scratch, &mut rows);
-            add_rows::<N, FMA>(&mut carry, &rows, shape);
-            let from = if leftward { k - 1 } else { k };
-            next.fill(0.0);
-            next_diagonal.fill(0.0);
-            for row in coupling.iter_mut() {
-                row.fill(0.0);
+    fn run<const FMA: bool>(self) {
+        let Sweep { shape, block, diagonal, border, rows, .. } = self.sweep;
+        Sweep::add_product::<FMA>(*shape, (block, diagonal), border, rows.values());
+    }
+}
+
+/// Adds a transition: its source stage sees wΦ, its successor −w. Either may be the one at the front.
+struct AddTransition<'a> {
+    sweep: &'a mut Sweep,
+    front_is_successor: bool,
+}
+
+impl Work for AddTransition<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<const FMA: bool>(self) {
+        let Sweep { shape, block, diagonal, border, coupling, next, next_diagonal, transition, .. } = self.sweep;
+        let (n, width) = (shape.padded_stage, shape.width);
+        let w = &transition.weight;
+        for (row, w) in transition.values.chunks_exact_mut(width).zip(w) {
+            for value in row {
+                *value *= w;
             }
-            if problem.linked(from) {
-                problem.transition(point, from, &mut scratch, &mut transition);
-                let w = &transition.weight;
-                for (row, w) in transition.values.chunks_exact_mut(width).zip(w) {
-                    for value in row {
-                        *value *= w;
-                    }
-                }
-                let r = &transition.values;
-                let product = Product { source: r, rows: N, stride: width, left_at: 0, right_at: 0 };
-                // Stage `from` sees wΦ, its successor −w: either may be the one that is eliminated now.
-                let successor = |block: &mut [f64], diagonal: &mut [f64]| {
-                    for i in 0..N {
-                        let row = &mut block[i * width..(i + 1) * width];
-                        row[i] += w[i] * w[i];
-                        diagonal[i] += w[i] * w[i];
-                        for (b, r) in row[N..].iter_mut().zip(&r[i * width + N..(i + 1) * width]) {
-                            *b -= w[i] * r;
-                        }
-                    }
-                };
-                if leftward {
-                    successor(&mut carry.block, &mut carry.diagonal);
-                    for i in 0..N {
-                        for j in 0..N {
-                            coupling[i][j] = -w[i] * r[i * width + j];
-                        }
-                    }
-                    kernel::gram::<FMA>(&mut next, width, N, product, 1.0);
-                    for i in 0..N {
-                        next_diagonal[i] = (0..N).map(|j| r[j * width + i] * r[j * width + i]).sum();
-                    }
-                    let border = Product { left_at: N, right_at: N, ..product };
-                    kernel::gram::<FMA>(&mut carry.border, shape.border_width, shape.border_width, border, 1.0);
-                } else {
-                    successor(&mut next, &mut next_diagonal);
-                    for i in 0..N {
-                        for j in 0..N {
-                            coupling[i][j] = -w[j] * r[j * width + i];
-                        }
-                    }
-                    add_product::<N, FMA>(&mut carry, product, shape);
-                }
-            }
-            let slot = if leftward { k - middle - 1 } else { k };
-            let kept = &mut kept[slot * shape.kept()..(slot + 1) * shape.kept()];
-            eliminate::<N, FMA>(&mut carry, &coupling, shape, damping, kept)
-                .map_err(|pivot| Singular { stage: k, pivot })?;
-            let t = &kept[triangle(N)..];
-            let product = Product { source: t, rows: N, stride: width, left_at: 0, right_at: 0 };
-            kernel::gram::<FMA>(&mut next, width, N, product, -1.0);
-            std::mem::swap(&mut carry.block, &mut next);
-            carry.diagonal.copy_from_slice(&next_diagonal);
         }
-        Ok(carry)
+        let r = &transition.values;
+        let (source, successor) = if self.front_is_successor {
+            ((next, next_diagonal), (block, diagonal))
+        } else {
+            ((block, diagonal), (next, next_diagonal))
+        };
+        Sweep::add_product::<FMA>(*shape, source, border, r);
+        let (block, diagonal) = successor;
+        for i in 0..n {
+            let row = &mut block[i * width..(i + 1) * width];
+            row[i] += w[i] * w[i];
+            diagonal[i] += w[i] * w[i];
+            for (b, r) in row[n..].iter_mut().zip(&r[i * width + n..(i + 1) * width]) {
+                *b -= w[i] * r;
+            }
+        }
+        for i in 0..n {
+            for j in 0..n {
+                // ∂/∂(successor i) ∂/∂(source j) of ½ (wΦ x − w x')²
+                let (front, other) = if self.front_is_successor { (i, j) } else { (j, i) };
+                coupling[front * n + other] = -w[i] * r[i * width + j];
+            }
+        }
+    }
+}
+
+/// Eliminates the stage at the front: keeps L and `[Y | Z | y]`, reduces the next stage and the border.
+struct Eliminate<'a> {
+    sweep: &'a mut Sweep,
+    damping: f64,
+    kept: &'a mut [f64],
+}
+
+impl Work for Eliminate<'_> {
+    type Output = Result<(), Pivot>;
+
+    #[inline(always)]
+    fn run<const FMA: bool>(self) -> Result<(), Pivot> {
+        let Sweep { shape, block, diagonal, border, coupling, next, .. } = self.sweep;
+        let (n, width) = (shape.padded_stage, shape.width);
+        for i in 0..n {
+            block[i * width + i] += self.damping * diagonal[i];
+            if i >= shape.stage {
+                block[i * width + i] = 1.0;
+            }
+        }
+        let (l, t) = self.kept.split_at_mut(triangle(n));
+        for i in 0..n {
+            let row = &mut t[i * width..(i + 1) * width];
+            row[..n].copy_from_slice(&coupling[i * n..(i + 1) * n]);
+            row[n..].copy_from_slice(&block[i * width + n..(i + 1) * width]);
+        }
+        kernel::factor_and_solve::<FMA>(n, block, width, l, t)?;
+        let product = Product { source: t, rows: n, stride: width, left_at: n, right_at: n };
+        kernel::gram::<FMA>(border, shape.border_width, shape.border_width, product, -1.0);
+        let product = Product { left_at: 0, right_at: 0, ..product };
+        kernel::gram::<FMA>(next, width, n, product, -1.0);
+        Ok(())
     }
 }

@@ -1,4 +1,4 @@
-//! The small dense loops of the elimination, for a stage of `N` unknowns and rows of any width that is a multiple of [`LANES`].
+//! The small dense loops of the elimination, for stages of compiled sizes and rows of any width that is a multiple of [`LANES`].
 //!
 //! Every loop runs over rows of contiguous columns, so the compiler vectorises it for the instruction set in force;
 //! [`vectorised`] selects that set at run time. `FMA` says whether a fused multiply-add is one instruction there:
@@ -6,6 +6,12 @@
 
 /// Columns handled together: row widths are multiples of this.
 pub const LANES: usize = 4;
+
+/// Block sizes that are compiled; a stage of n unknowns runs in the next larger one.
+pub const STAGE_SIZES: [usize; 9] = [4, 8, 12, 16, 20, 24, 28, 32, 36];
+
+/// The largest stage that can be solved.
+pub const MAX_STAGE_SIZE: usize = STAGE_SIZES[STAGE_SIZES.len() - 1];
 
 /// Rounds a width up to a multiple of [`LANES`].
 pub const fn padded(width: usize) -> usize {
@@ -170,12 +176,35 @@ pub fn forward<const N: usize, const FMA: bool>(l: &[f64], t: &mut [f64], width:
     }
 }
 
-/// Solves `Lᵀ x = x` in place for one vector of N.
+/// [`cholesky`] of the block `a`, then [`forward`] of `t`, in the compiled size n (one of [`STAGE_SIZES`]).
 #[inline(always)]
-pub fn backward<const N: usize>(l: &[f64], x: &mut [f64]) {
-    for i in (0..N).rev() {
+pub fn factor_and_solve<const FMA: bool>(
+    n: usize,
+    a: &[f64],
+    width: usize,
+    l: &mut [f64],
+    t: &mut [f64],
+) -> Result<(), Pivot> {
+    macro_rules! dispatch {
+        ($($size:literal)*) => {
+            match n {
+                $($size => {
+                    cholesky::<$size, FMA>(a, width, l)?;
+                    forward::<$size, FMA>(l, t, width);
+                })*
+                other => unreachable!("stage size {other} is not among STAGE_SIZES"),
+            }
+        };
+    }
+    dispatch!(4 8 12 16 20 24 28 32 36);
+    Ok(())
+}
+
+/// Solves `Lᵀ x = x` in place for one vector.
+pub fn backward(l: &[f64], x: &mut [f64]) {
+    for i in (0..x.len()).rev() {
         let mut sum = x[i];
-        for k in i + 1..N {
+        for k in i + 1..x.len() {
             sum -= l[triangle(k) + i] * x[k];
         }
         x[i] = sum * l[triangle(i) + i];

@@ -38,11 +38,6 @@ impl Rows {
         (&mut x[..self.stage], &mut rest[..self.border])
     }
 
-    /// Number of rows.
-    pub(super) fn count(&self) -> usize {
-        self.count
-    }
-
     /// All rows, `count × width`, row-major.
     pub(super) fn values(&self) -> &[f64] {
         &self.values[..self.count * self.width]
