@@ -6,6 +6,7 @@
 //! ```
 
 mod chained;
+mod foresight;
 mod observability;
 mod point;
 mod preset;
@@ -15,6 +16,7 @@ mod series;
 mod start;
 mod summary;
 
+pub use foresight::{Expected, Foresight, foresee};
 pub use observability::Unobservable;
 pub use point::{BorderLayout, Point};
 pub use preset::{Assumptions, GyroRows, InitialNoise, Preset, ProcessNoise};

@@ -86,43 +86,6 @@ pub(super) fn summarise<'m>(
     held: &[Held],
 ) -> Calibration {
     let end = &solution.point;
-    let columns = columns(problem, robot, start, end);
-    let covariance = physical_covariance(problem, end, border);
-    let slopes = observability::physical_slopes(problem.model, &end.z, problem.border());
-    let names: Vec<String> = columns.iter().map(|column| column.name.clone()).collect();
-    let known = held.iter().filter(|held| held.reason.is_empty()).map(|held| &held.direction).collect::<Vec<_>>();
-    let mut estimates: Vec<((usize, usize), ParameterEstimate)> = columns
-        .into_iter()
-        .enumerate()
-        .filter(|(i, _)| !known.iter().any(|direction| direction[*i] == 1.0))
-        .map(|(i, column)| {
-            let identifiable = !(0..names.len()).any(|j| slopes[(i, j)] != 0.0 && border.touches_held(j));
-            let std_error = covariance
-                .as_ref()
-                .map(|covariance| covariance[(i, i)].sqrt())
-                .filter(|error| identifiable && error.is_finite());
-            let interval = |error: f64| [column.estimate - NORMAL_95 * error, column.estimate + NORMAL_95 * error];
-            let estimate = ParameterEstimate {
-                name: column.name,
-                unit: column.unit.to_string(),
-                initial: column.initial,
-                estimate: column.estimate,
-                ci95: std_error.map(interval),
-                std_error,
-                identifiable: std_error.is_some(),
-            };
-            (place_in_results(i, problem.border()), estimate)
-        })
-        .collect();
-    estimates.sort_by_key(|(place, _)| *place);
-    let unobservable = held
-        .iter()
-        .filter(|held| !held.reason.is_empty())
-        .map(|held| Unobservable {
-            direction: observability::named(&held.direction, &names),
-            reason: held.reason.clone(),
-        })
-        .collect();
     let rotations: BTreeMap<_, _> = end
         .rotations
         .iter()
@@ -147,13 +110,65 @@ pub(super) fn summarise<'m>(
         cost: solution.cost,
         dof: problem.row_count(end) as f64 - unknowns as f64,
         seconds: Seconds { start: 0.0, factor: 0.0, solve: 0.0, total: 0.0 },
-        parameters: estimates.into_iter().map(|(_, estimate)| estimate).collect(),
-        unobservable,
+        parameters: estimates(robot, problem, start, end, border, held),
+        unobservable: unobservable(robot, problem, end, held),
         rotations,
         noise,
         fit,
         first_states: problem.series.recordings.iter().map(|range| end.state(range.start).to_vec()).collect(),
     }
+}
+
+/// Every free parameter with its estimate at `end` and its interval, in the order of results.
+pub(super) fn estimates<'m>(
+    robot: &Robot,
+    problem: &Problem<'m>,
+    start: &Point<'m>,
+    end: &Point<'m>,
+    border: &Border,
+    held: &[Held],
+) -> Vec<ParameterEstimate> {
+    let columns = columns(problem, robot, start, end);
+    let covariance = physical_covariance(problem, end, border);
+    let slopes = observability::physical_slopes(problem.model, &end.z, problem.border());
+    let known = held.iter().filter(|held| held.reason.is_empty()).map(|held| &held.direction).collect::<Vec<_>>();
+    let mut estimates: Vec<_> = columns
+        .into_iter()
+        .enumerate()
+        .filter(|(i, _)| !known.iter().any(|direction| direction[*i] == 1.0))
+        .map(|(i, column)| {
+            let identifiable = !(0..slopes.ncols()).any(|j| slopes[(i, j)] != 0.0 && border.touches_held(j));
+            let std_error = covariance
+                .as_ref()
+                .map(|covariance| covariance[(i, i)].sqrt())
+                .filter(|error| identifiable && error.is_finite());
+            let interval = |error: f64| [column.estimate - NORMAL_95 * error, column.estimate + NORMAL_95 * error];
+            let estimate = ParameterEstimate {
+                name: column.name,
+                unit: column.unit.to_string(),
+                initial: column.initial,
+                estimate: column.estimate,
+                ci95: std_error.map(interval),
+                std_error,
+                identifiable: std_error.is_some(),
+            };
+            (place_in_results(i, problem.border()), estimate)
+        })
+        .collect();
+    estimates.sort_by_key(|(place, _)| *place);
+    estimates.into_iter().map(|(_, estimate)| estimate).collect()
+}
+
+/// The held directions by the names of their parameters; what the robot file fixes is no news.
+pub(super) fn unobservable(robot: &Robot, problem: &Problem<'_>, end: &Point<'_>, held: &[Held]) -> Vec<Unobservable> {
+    let names: Vec<String> = columns(problem, robot, end, end).into_iter().map(|column| column.name).collect();
+    held.iter()
+        .filter(|held| !held.reason.is_empty())
+        .map(|held| Unobservable {
+            direction: observability::named(&held.direction, &names),
+            reason: held.reason.clone(),
+        })
+        .collect()
 }
 
 /// Results list biases before rotations, as the paper's (15) does.
