@@ -61,24 +61,27 @@ impl Drop for Pulse {
     }
 }
 
-fn run((beat, changed): &(Mutex<Beat>, Condvar), outgoing: &Outgoing) {
-    let mut count = 0u16;
-    loop {
-        let beat = beat.lock().unwrap_or_else(|e| e.into_inner());
-        let period = Duration::from_millis(HEARTBEAT_PERIOD_MS);
-        let waited = changed.wait_timeout_while(beat, period, |beat| !beat.due && !beat.over);
-        let (mut beat, _) = waited.unwrap_or_else(|e| e.into_inner());
-        if beat.over {
-            return;
-        }
-        beat.due = false;
-        beat.told_seq = beat.seen_seq;
+fn run(shared: &(Mutex<Beat>, Condvar), outgoing: &Outgoing) {
+    let (beat, _) = shared;
+    for count in (0..=u16::MAX).cycle() {
+        let mut beat = beat.lock().unwrap_or_else(|e| e.into_inner());
+        (beat.due, beat.told_seq) = (false, beat.seen_seq);
         let seen_seq = beat.seen_seq;
         drop(beat);
-        count = count.wrapping_add(1);
         // A line that does not take it is noticed by the reader, or by the device, which then stops the motion.
         if let Err(error) = outgoing.send(&ToDevice::Heartbeat(Heartbeat { count, seen_seq })) {
             tracing::debug!("heartbeat not sent: {error:?}");
         }
+        if !wait(shared) {
+            return;
+        }
     }
+}
+
+/// Waits until the next heartbeat is due; `false` when there is to be none.
+fn wait((beat, changed): &(Mutex<Beat>, Condvar)) -> bool {
+    let beat = beat.lock().unwrap_or_else(|e| e.into_inner());
+    let period = Duration::from_millis(HEARTBEAT_PERIOD_MS);
+    let waited = changed.wait_timeout_while(beat, period, |beat| !beat.due && !beat.over);
+    !waited.unwrap_or_else(|e| e.into_inner()).0.over
 }

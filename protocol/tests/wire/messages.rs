@@ -3,8 +3,8 @@
 use crate::examples;
 use proptest::prelude::*;
 use protocol::{
-    Command, Fault, Hello, Layout, Motion, MotionEnd, MotionError, MotionId, Refusal, Report, Sample, Segment, State,
-    Status, ToDevice, ToHost,
+    Action, Command, Duty, Fault, Hello, JointSet, Layout, Motion, MotionEnd, MotionError, MotionId, Refusal, Report,
+    Sample, Segment, State, Status, ToDevice, ToHost,
     frame::{CRC_BYTES, Decoder, MAX_PAYLOAD},
     hello::{Greeting, HelloError, SchemaKey},
     message::{
@@ -104,10 +104,32 @@ fn the_largest_messages_fit_their_bounds() {
     }
     let n = write_report(&Report::HeartbeatSeen { count: u16::MAX, t_us: u32::MAX }, &mut out).unwrap();
     let payload = payloads(&out[..n]).pop().unwrap().len();
-    assert!(payload <= protocol::budget::HEARTBEATS_SEEN.payload + 1, "{payload}");
+    assert!(payload <= protocol::budget::HEARTBEATS_SEEN.payload, "{payload}");
     let n = write_report(&Report::Log { level: message::Level::Error, text: text(&"l".repeat(80)) }, &mut out).unwrap();
     let payload = payloads(&out[..n]).pop().unwrap().len();
     assert!(payload <= protocol::budget::LOG.payload, "{payload}");
+}
+
+#[test]
+fn the_largest_parts_of_a_motion_are_as_the_checksum_s_buffer_takes_them() {
+    let mut bytes = [0; 256];
+    let header = Header {
+        name: text(&"n".repeat(24)),
+        stages: (0..8).map(|_| text(&"s".repeat(16))).collect(),
+        gain: [f32::MAX; 7].into_iter().collect(),
+    };
+    assert_eq!(postcard::to_slice(&header, &mut bytes).unwrap().len(), 191);
+    let segment = Segment {
+        stage: 255,
+        action: Action::MoveTo {
+            joints: JointSet::first(7),
+            targets: [f32::MAX; 7].into_iter().collect(),
+            ceiling: Duty(i16::MIN),
+            tolerance: f32::MAX,
+            timeout_ms: u32::MAX,
+        },
+    };
+    assert_eq!(postcard::to_slice(&segment, &mut bytes).unwrap().len(), 44);
 }
 
 #[test]
