@@ -4,7 +4,7 @@
 //! `pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure>`. To add one:
 //!
 //! 1. `mod verb;` below,
-//! 2. `Verb(verb::Args)` in [`Verb`],
+//! 2. `Verb(verb::Args)` in `Verb`,
 //! 3. `Verb::Verb(args) => verb::run(args, &ui)` in [`main`].
 //!
 //! What every verb shares: [`Exit`] and [`Failure`] (how it ends), [`Ui`] (text, progress, log: stderr only; stdout

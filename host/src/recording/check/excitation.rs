@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::stats::{full_input, half_window, mean_rate, position, range, reversals};
 use super::{About, Findings};
-use crate::recording::{Recording, Severity};
+use crate::recording::{Channel, Recording, Severity};
 use crate::robot::{JointKind, Transmission};
 
 /// A joint that moves less than this many sigmas of its encoder has not moved.
@@ -54,21 +54,21 @@ pub(super) fn look(recording: &Recording, findings: &mut Findings) -> Vec<JointE
     for joint in 0..recording.robot.joints.len() {
         if let Some(positions) = position(recording, joint) {
             let excitation = excitation(recording, joint, positions);
-            judge(recording, joint, &excitation, findings);
+            judge(recording, joint, positions.spec.sigma, &excitation, findings);
             joints.push(excitation);
         }
     }
     joints
 }
 
-fn excitation(recording: &Recording, joint: usize, positions: &[f64]) -> JointExcitation {
+fn excitation(recording: &Recording, joint: usize, positions: &Channel) -> JointExcitation {
     let description = &recording.robot.joints[joint];
     let full = full_input(recording);
-    let (low, high) = range(positions).unwrap_or((0.0, 0.0));
-    let speeds = mean_rate(recording, positions);
+    let (low, high) = range(&positions.values).unwrap_or((0.0, 0.0));
+    let speeds = mean_rate(recording, &positions.values);
     let max_speed = speeds.iter().filter(|speed| !speed.is_nan()).fold(0.0, |max: f64, speed| max.max(speed.abs()));
     let span_s = 2.0 * half_window(recording) as f64 * recording.period_s;
-    let noise = std::f64::consts::SQRT_2 * sigma(recording, joint) / span_s;
+    let noise = std::f64::consts::SQRT_2 * positions.spec.sigma / span_s;
     let moving = (5.0 * noise).max(0.01 * max_speed);
     let input = &recording.duty[joint];
     let slow = (0..recording.len())
@@ -92,20 +92,14 @@ fn excitation(recording: &Recording, joint: usize, positions: &[f64]) -> JointEx
     }
 }
 
-/// Sigma of the joint's position, rad or m.
-fn sigma(recording: &Recording, joint: usize) -> f64 {
-    use crate::robot::ChannelKind::{LinkPosition, MotorPosition};
-    let of = |kind| recording.channels.iter().find(|channel| channel.spec.kind == kind);
-    of(MotorPosition { joint }).or_else(|| of(LinkPosition { joint })).map_or(0.0, |channel| channel.spec.sigma)
-}
-
-fn judge(recording: &Recording, joint: usize, found: &JointExcitation, findings: &mut Findings) {
+/// `sigma`: of the joint's position, rad or m.
+fn judge(recording: &Recording, joint: usize, sigma: f64, found: &JointExcitation, findings: &mut Findings) {
     let input = format!("u{}", joint + 1);
     let name = &found.joint;
     let mut add = |severity, message: String, advice: &str| {
         findings.add(severity, About::Excitation, Some(&input), message, advice);
     };
-    if found.range < MOVED_SIGMAS * sigma(recording, joint) {
+    if found.range < MOVED_SIGMAS * sigma {
         add(
             Severity::Error,
             format!("{name} does not move (its positions span {:.2e} {})", found.range, found.unit),

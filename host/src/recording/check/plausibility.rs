@@ -3,7 +3,7 @@
 use super::stats::{full_input, mean_rate, position, range, spread, window_mean};
 use super::{About, Findings};
 use crate::recording::{Recording, Severity};
-use crate::robot::{ChannelKind, Gyro};
+use crate::robot::{ChannelKind, Gyro, JointKind};
 
 const DEGREES: f64 = 180.0 / std::f64::consts::PI;
 /// Positions may pass the limits of the robot file by this factor.
@@ -33,13 +33,13 @@ pub(super) fn look(recording: &Recording, findings: &mut Findings) {
 
 fn positions(recording: &Recording, joint: usize, findings: &mut Findings) {
     let description = &recording.robot.joints[joint];
-    let Some((low, high)) = position(recording, joint).and_then(range) else { return };
+    let Some(channel) = position(recording, joint) else { return };
+    let Some((low, high)) = range(&channel.values) else { return };
     let allowed = LIMIT_FACTOR * description.limits[0].abs().max(description.limits[1].abs());
     let largest = low.abs().max(high.abs());
     if largest <= allowed {
         return;
     }
-    let channel = format!("encoder{}", joint + 1);
     let span = high - low;
     let allowed_span = LIMIT_FACTOR * (description.limits[1] - description.limits[0]);
     let (severity, what, advice) = if span <= allowed_span {
@@ -48,7 +48,10 @@ fn positions(recording: &Recording, joint: usize, findings: &mut Findings) {
             "but its span fits",
             "set the zero position: hold the robot in its marked pose, command \"set zero\", record again",
         )
-    } else if span / DEGREES <= allowed_span && span > 0.2 * DEGREES * (description.limits[1] - description.limits[0]) {
+    } else if description.kind == JointKind::Revolute
+        && span / DEGREES <= allowed_span
+        && span > 0.2 * DEGREES * (description.limits[1] - description.limits[0])
+    {
         (Severity::Error, "and looks like degrees", "give angles in rad: divide by 57.29578")
     } else if span / description.gear <= allowed_span {
         (
@@ -62,7 +65,7 @@ fn positions(recording: &Recording, joint: usize, findings: &mut Findings) {
     findings.add(
         severity,
         About::Units,
-        Some(&channel),
+        Some(&channel.spec.name),
         format!("positions of {} from {low:.4} to {high:.4} exceed the robot's {allowed:.2} {what}", description.name),
         advice,
     );
@@ -70,8 +73,8 @@ fn positions(recording: &Recording, joint: usize, findings: &mut Findings) {
 
 /// A positive input drives a joint to positive speeds, on the whole.
 fn direction(recording: &Recording, joint: usize, findings: &mut Findings) {
-    let Some(positions) = position(recording, joint) else { return };
-    let speeds = mean_rate(recording, positions);
+    let Some(channel) = position(recording, joint) else { return };
+    let speeds = mean_rate(recording, &channel.values);
     let mut sums = Correlation::default();
     for (&speed, &input) in speeds.iter().zip(&recording.duty[joint]) {
         if !speed.is_nan() && input != 0.0 {
@@ -83,7 +86,7 @@ fn direction(recording: &Recording, joint: usize, findings: &mut Findings) {
         findings.add(
             Severity::Error,
             About::Units,
-            Some(&format!("encoder{}", joint + 1)),
+            Some(&channel.spec.name),
             format!(
                 "{} runs against its input (correlation of speed and input {correlation:.2})",
                 recording.robot.joints[joint].name
@@ -96,7 +99,8 @@ fn direction(recording: &Recording, joint: usize, findings: &mut Findings) {
 fn gyros(recording: &Recording, findings: &mut Findings) {
     let robot = &recording.robot;
     let joints = robot.joints.len();
-    let columns: Option<Vec<&[f64]>> = (0..joints).map(|joint| position(recording, joint)).collect();
+    let columns: Option<Vec<&[f64]>> =
+        (0..joints).map(|joint| Some(position(recording, joint)?.values.as_slice())).collect();
     let Some(columns) = columns else { return }; // a joint without an encoder: no prediction
     let speeds: Vec<Vec<f64>> = columns.iter().map(|values| mean_rate(recording, values)).collect();
     let slow: Vec<usize> = {

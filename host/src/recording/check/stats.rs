@@ -1,6 +1,6 @@
 //! Sums that several subjects need. NaN (no valid reading) is left out everywhere.
 
-use crate::recording::Recording;
+use crate::recording::{Channel, Recording};
 use crate::robot::{ChannelKind, InputUnit};
 
 /// Half the window over which an encoder's speed is taken, s: long against its steps, short against the motion.
@@ -38,12 +38,10 @@ pub(super) fn half_window(recording: &Recording) -> usize {
     ((HALF_WINDOW_S / recording.period_s).round() as usize).max(1)
 }
 
-/// Positions of a joint: its motor encoder, else its link encoder.
-pub(super) fn position(recording: &Recording, joint: usize) -> Option<&[f64]> {
+/// Where a joint's position is read: its motor encoder, else its link encoder.
+pub(super) fn position(recording: &Recording, joint: usize) -> Option<&Channel> {
     let of = |kind| recording.channels.iter().find(|channel| channel.spec.kind == kind);
-    of(ChannelKind::MotorPosition { joint })
-        .or_else(|| of(ChannelKind::LinkPosition { joint }))
-        .map(|channel| channel.values.as_slice())
+    of(ChannelKind::MotorPosition { joint }).or_else(|| of(ChannelKind::LinkPosition { joint }))
 }
 
 /// Mean rate of change of `values` over the window around each sample; NaN near gaps and ends.

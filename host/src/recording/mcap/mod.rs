@@ -18,6 +18,7 @@
 //! Messages are protobuf with the schema in the file, so any MCAP viewer can plot them. Time of the file's log is the
 //! device's time.
 
+mod error;
 mod protobuf;
 mod reader;
 mod records;
@@ -26,7 +27,8 @@ mod schema;
 mod tests;
 mod writer;
 
-pub use reader::{Damage, ReadError, parse, read};
+pub use error::{Damage, ReadError};
+pub use reader::{parse, read};
 pub use writer::{Disk, WriteError, Writer, write};
 
 /// Raised when a reader of the version before would misunderstand the file.
