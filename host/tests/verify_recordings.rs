@@ -121,3 +121,22 @@ fn the_calibration_recording_falls_into_the_papers_five_regions() {
         assert!((at - from).abs() < 0.4, "{label} starts at {at} s, not {from} s");
     }
 }
+
+#[test]
+fn the_page_shows_the_papers_figures() {
+    let Some(folder) = recordings() else { return };
+    let recording = read(&folder, "clean/validation.csv.gz");
+    let (verification, traces) = verify::predict(&truth(), &recording, None, |_| {}).unwrap();
+    let page = host::report::verification::page(&verification, &recording, &traces).to_html();
+    for text in [
+        "as well as the sensor itself can tell",
+        "Free run, stage by stage",
+        "All joints together",
+        "Gyro 2",
+        "Motor velocity",
+    ] {
+        assert!(page.contains(text), "{text}");
+    }
+    // Measured 0.37 MB: one stage of four plots.
+    assert!((200_000..800_000).contains(&page.len()), "{}", page.len());
+}

@@ -18,6 +18,7 @@ mod import;
 mod ports;
 mod record;
 mod repair;
+mod verify;
 
 mod exit;
 mod failures;
@@ -50,6 +51,7 @@ enum Verb {
     Import(import::Args),
     Check(check::Args),
     Calibrate(calibrate::Args),
+    Verify(verify::Args),
     Export(export::Args),
     Repair(repair::Args),
     Completions(completions::Args),
@@ -67,6 +69,7 @@ pub fn main() -> ExitCode {
         Verb::Import(args) => import::run(args, &ui),
         Verb::Check(args) => check::run(args, &ui),
         Verb::Calibrate(args) => calibrate::run(args, &ui),
+        Verb::Verify(args) => verify::run(args, &ui),
         Verb::Export(args) => export::run(args, &ui),
         Verb::Repair(args) => repair::run(args, &ui),
         Verb::Completions(args) => completions::run(args, &ui),

@@ -31,6 +31,7 @@ mod plot;
 mod scatter;
 mod svg;
 mod table;
+pub mod verification;
 
 #[cfg(test)]
 mod tests;

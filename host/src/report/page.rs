@@ -177,6 +177,7 @@ impl Section {
                     h.element("div", &[("class", "zoom")], |_| {});
                 }
             });
+            h.element("div", &[("class", "legend uplot")], |_| {});
             h.json(&data).expect("strings and numbers in a struct can always be written as JSON");
         });
     }

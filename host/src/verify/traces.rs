@@ -60,6 +60,38 @@ impl Traces {
     }
 }
 
+impl Traces {
+    /// The stretch of `width_s` within `samples` in which the motors move most: what a zoom should show.
+    pub fn busiest(&self, samples: Range<usize>, width_s: f64) -> Range<f64> {
+        let (first, last) = (self.t_s[samples.start], self.t_s[samples.end - 1]);
+        if last - first <= width_s {
+            return first..last;
+        }
+        // Energy of the speeds up to each sample; NaN (near gaps) adds nothing.
+        let mut energy = vec![0.0];
+        for k in samples.clone() {
+            let speeds = self.motor_speed.iter().map(|speed| speed[k] * speed[k]).filter(|e| e.is_finite());
+            energy.push(energy[k - samples.start] + speeds.sum::<f64>());
+        }
+        let t = &self.t_s[samples];
+        let mut best = (f64::NEG_INFINITY, first);
+        let mut end = 0;
+        for start in 0..t.len() {
+            while end < t.len() && t[end] < t[start] + width_s {
+                end += 1;
+            }
+            if end == t.len() {
+                break;
+            }
+            let within = energy[end] - energy[start];
+            if within > best.0 {
+                best = (within, t[start]);
+            }
+        }
+        best.1..best.1 + width_s
+    }
+}
+
 /// Slope of the least-squares line through the `2·half + 1` values around each sample: Σ i·y_i / (T Σ i²).
 fn slopes(values: &[f64], segments: &[Range<usize>], half: usize, period_s: f64) -> Vec<f64> {
     let mut slopes = vec![f64::NAN; values.len()];

@@ -34,8 +34,8 @@
     };
   };
 
-  const axis = (label, size) => ({
-    label, size, labelSize: 22, labelGap: 2, gap: 4,
+  const axis = (label, size, space) => ({
+    label, size, space, labelSize: 22, labelGap: 2, gap: 4,
     font: "12px system-ui, sans-serif", labelFont: "12px system-ui, sans-serif",
     stroke: colour("--ink-soft"), grid: { stroke: colour("--grid"), width: 1 }, ticks: { stroke: colour("--grid"), width: 1 },
   });
@@ -53,8 +53,8 @@
       ctx.fillStyle = colour("--ink-soft");
       ctx.font = `${12 * uPlot.pxRatio}px system-ui, sans-serif`;
       ctx.textAlign = "center";
-      ctx.textBaseline = "top";
-      if (ctx.measureText(band.label).width < b - a) ctx.fillText(band.label, (a + b) / 2, bbox.top + 4 * uPlot.pxRatio);
+      ctx.textBaseline = "bottom";
+      if (ctx.measureText(band.label).width < b - a) ctx.fillText(band.label, (a + b) / 2, bbox.top - 4 * uPlot.pxRatio);
     });
     if (plot.zoom) {
       const [a, b] = plot.zoom.map(px);
@@ -84,15 +84,18 @@
         width: Math.max(holder.clientWidth, 240),
         height: plot.height,
         pxAlign: 0,
+        // Room for the bands' names above the curves, on both drawings so that they stay level.
+        padding: [plot.bands.length ? 24 : 8, 12, 0, 0],
         scales: { x: { time: false } },
-        axes: [axis(plot.x_label, 26), axis(plot.y_label, 54)],
+        axes: [axis(plot.x_label, 26, 60), axis(plot.y_label, 54, 26)],
         series: [{ label: plot.x_label, value: (_, v) => (v == null ? "–" : v.toFixed(3)) }, ...plot.series.map(series)],
         cursor: {
           drag: { x: true, y: false },
           points: { size: 6 },
           sync: plot.group ? { key: plot.group + (overview ? "" : "/zoom") } : undefined,
         },
-        legend: { show: overview },
+        // Below both drawings, where it has the whole width.
+        legend: { show: overview, mount: (_, legend) => figure.querySelector(".legend").replaceChildren(legend) },
         hooks: overview ? { drawClear: [bands(plot)], setScale: [follow(plot.group)] } : {},
       }, columns, holder);
       drawn.push({ u, holder, group: overview ? plot.group : null });
