@@ -1,10 +1,35 @@
 //! The simulated robot: plant, microcontroller running the firmware's control core, serial line with faults.
+//!
+//! ```text
+//!                       ┌──────────── Board, a tick a millisecond ────────────┐
+//! host ◀─ Pty ◀─ Line ◀─┤ ControlCore (firmware) ◀─ drivers ◀─ chips ◀─ Plant │
+//!   └────▶ Pty ────────▶│        └────────── duty of the next tick ──────▲    │
+//!                       └─────────────────────────────────────────────────────┘
+//! ```
+//!
+//! The bytes on the port are those of the firmware, because the firmware makes them. Everything random comes from one
+//! seed; from the start of a motion on, a recording depends on nothing else.
 
+mod board;
+mod chip;
+mod encoder;
+mod error;
+mod line;
+mod noise;
+mod options;
 mod plant;
+mod pty;
+mod session;
+mod simulator;
 mod truth;
 
 #[cfg(test)]
 mod tests;
 
+pub use error::SimulateError;
+pub use line::LineCounts;
+pub use options::{EffectChoice, Fault, Options, Pace};
 pub use plant::{Plant, STEP_S};
+pub use session::FaultCounts;
+pub use simulator::{EffectTruth, SimulationReport, Simulator};
 pub use truth::Truth;

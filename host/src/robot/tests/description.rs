@@ -74,7 +74,7 @@ fn values_without_sense_are_named_with_a_way_out() {
         ("name = \"pitch\"", "name = \"yaw\"", "another joint has this name"),
         ("joint = \"roll\"", "joint = \"rol\"", "sensor[3].joint = rol: no such joint; there are yaw, pitch, roll"),
         ("joint = \"pitch\"", "joint = \"yaw\"", "has such a sensor already"),
-        ("range_rad_s = 8.7266", "counts_per_turn = 3", "a gyro has no such field"),
+        ("range_rad_s = 17.4533", "counts_per_turn = 3", "a gyro has no such field"),
         ("[0.0, -1.0, 0.0]]", "[0.0, 1.0, 0.0]]", "is a reflection"),
         ("[0.0, -1.0, 0.0]]", "[0.0, -0.9, 0.0]]", "is not a rotation"),
         ("law = \"coulomb\", ", "law = \"none\", ", "leave speed and slope out"),

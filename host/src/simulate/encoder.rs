@@ -1,0 +1,75 @@
+//! A quadrature encoder on a 16-bit hardware counter.
+
+use std::f64::consts::TAU;
+
+use protocol::{EncoderInfo, Side};
+
+use super::noise::Noise;
+use crate::robot::{JointKind, Robot, Sensor};
+
+/// An encoder: what it sits on, its scale, its noise.
+#[derive(Debug, Clone)]
+pub struct EncoderChip {
+    /// What the firmware is told of it.
+    pub info: EncoderInfo,
+    counts_per_unit: f64,
+    /// Mechanical noise before quantisation, rad or m of the link.
+    sigma: f64,
+}
+
+impl EncoderChip {
+    /// The robot's encoders as the firmware lists them: motor side of the joints in order, then link side.
+    ///
+    /// # Errors
+    /// The number (from 1) of the joint whose encoder has no counts in the description.
+    pub fn of_robot(robot: &Robot) -> Result<Vec<Self>, usize> {
+        let mut chips = Vec::new();
+        for side in [Side::Motor, Side::Link] {
+            for joint in 0..robot.joints.len() {
+                let wanted = |sensor: &&Sensor| match sensor {
+                    Sensor::MotorEncoder(encoder) => side == Side::Motor && encoder.joint == joint,
+                    Sensor::LinkEncoder(encoder) => side == Side::Link && encoder.joint == joint,
+                    _ => false,
+                };
+                let (Some(Sensor::MotorEncoder(encoder)) | Some(Sensor::LinkEncoder(encoder))) =
+                    robot.sensors.iter().find(wanted)
+                else {
+                    continue;
+                };
+                let counts = encoder.counts_per_turn.ok_or(joint + 1)?;
+                let counts_per_turn = i32::try_from(counts).map_err(|_| joint + 1)?;
+                let gear = match (side, robot.joints[joint].kind) {
+                    (Side::Motor, _) => robot.joints[joint].gear,
+                    (Side::Link, JointKind::Revolute) => 1.0,
+                    (Side::Link, JointKind::Prismatic) => return Err(joint + 1),
+                };
+                let counts_per_unit = f64::from(counts) * gear / TAU;
+                let step = 1.0 / counts_per_unit;
+                chips.push(Self {
+                    // The layout bounds the joints; 255 of them do not exist.
+                    info: EncoderInfo {
+                        joint: joint as u8,
+                        side,
+                        counts_per_turn,
+                        gear,
+                        offset_us: (encoder.offset_s * 1e6).round() as u16,
+                    },
+                    counts_per_unit,
+                    // sigma² = mechanical² + step²/12
+                    sigma: (encoder.sigma.powi(2) - step * step / 12.0).max(0.0).sqrt(),
+                });
+            }
+        }
+        Ok(chips)
+    }
+
+    /// The hardware counter at a position (rad or m on the link side), counted from `start`; it wraps at 2¹⁶.
+    pub fn counter(&self, position: f64, start: i64, noise: &mut Noise) -> u16 {
+        self.counts(position + noise.draw(self.sigma)).wrapping_sub(start) as u16
+    }
+
+    /// Whole counts at a position, without noise and wrap.
+    pub fn counts(&self, position: f64) -> i64 {
+        (position * self.counts_per_unit).round() as i64
+    }
+}

@@ -1,0 +1,55 @@
+//! Why a robot cannot be simulated.
+
+use crate::effect::EffectError;
+use crate::robot::RobotError;
+
+/// Why a robot cannot be simulated.
+#[derive(Debug, thiserror::Error)]
+pub enum SimulateError {
+    /// The description.
+    #[error(transparent)]
+    Robot(#[from] RobotError),
+    /// An effect.
+    #[error(transparent)]
+    Effect(#[from] EffectError),
+    /// An option that does not exist.
+    #[error("a simulated port has no option `{key}`; there are robot, seed, effect, hide, pace, fault")]
+    UnknownOption {
+        /// What was given.
+        key: String,
+    },
+    /// An option whose value is not understood.
+    #[error("option {key}: `{value}` is not {wanted}")]
+    Option {
+        /// Which.
+        key: String,
+        /// What was given.
+        value: String,
+        /// What is.
+        wanted: &'static str,
+    },
+    /// The firmware cannot run this robot.
+    #[error("this robot cannot be simulated: {reason}")]
+    Unsuited {
+        /// What the firmware lacks.
+        reason: String,
+    },
+    /// A driver did not find its part as it must be.
+    #[error("the firmware could not set up a gyro: {said}")]
+    Gyro {
+        /// The driver's words.
+        said: String,
+    },
+    /// The pseudo-terminal.
+    #[error("the simulated serial port: {0}")]
+    Port(#[from] std::io::Error),
+    /// The simulation ended by a fault of the program.
+    #[error("the simulation ended unexpectedly")]
+    Died,
+}
+
+impl SimulateError {
+    pub(super) fn option(key: &str, value: &str, wanted: &'static str) -> Self {
+        Self::Option { key: key.to_owned(), value: value.to_owned(), wanted }
+    }
+}

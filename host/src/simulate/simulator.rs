@@ -1,0 +1,191 @@
+//! A simulated robot behind a pseudo-terminal, in a thread of its own.
+//!
+//! Time: at `Pace::Real` a tick takes a millisecond of the host's clock. At `Pace::Fast` the same holds while the robot
+//! rests; in a motion the next tick comes as soon as the host has kept up: simulated time waits for its heartbeats and
+//! for what it has worked off, so that a slow machine never trips the device's timeout, and nothing runs ahead without
+//! bound. A host that says nothing for [`PATIENCE`] is taken for gone: time goes on, and the device stops as it should.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use serde::Serialize;
+
+use super::board::Board;
+use super::noise::{Purpose, stream};
+use super::options::EffectChoice;
+use super::pty::Pty;
+use super::session::{FaultCounts, Session};
+use super::{Options, Pace, Plant, SimulateError, Truth};
+use crate::effect::{Hidden, TrueValue};
+
+/// How long a fast simulation waits for a host that says nothing.
+const PATIENCE: Duration = Duration::from_secs(5);
+/// A tick of real time.
+const TICK: Duration = Duration::from_millis(1);
+/// A machine that slept is not caught up with: the robot slept as well.
+const MOST_BEHIND: Duration = Duration::from_millis(100);
+/// Ticks between looks at the port while time runs fast.
+const BATCH: usize = 8;
+
+/// A running simulation. Dropped, it ends.
+#[derive(Debug)]
+pub struct Simulator {
+    path: PathBuf,
+    truth: Vec<TrueValue>,
+    effects: Vec<EffectTruth>,
+    stop: Arc<AtomicBool>,
+    thread: Option<JoinHandle<Result<(FaultCounts, u64), SimulateError>>>,
+}
+
+/// The truth about an effect.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct EffectTruth {
+    /// Its id in the catalogue.
+    pub id: &'static str,
+    /// Its parameters.
+    pub parameters: Vec<TrueValue>,
+}
+
+/// What a simulation that ended has to tell.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct SimulationReport {
+    /// The true parameters of the base model.
+    pub truth: Vec<TrueValue>,
+    /// The effects.
+    pub effects: Vec<EffectTruth>,
+    /// The faults injected.
+    pub faults: FaultCounts,
+    /// Ticks simulated.
+    pub ticks: u64,
+}
+
+impl Simulator {
+    /// Starts a simulation; a host may open [`Self::path`] at once.
+    ///
+    /// # Errors
+    /// [`SimulateError`] if the robot or its effects cannot be simulated, or there is no pseudo-terminal.
+    pub fn start(options: &Options) -> Result<Self, SimulateError> {
+        let robot = &options.robot;
+        let truth = Truth::drawn(robot, &mut stream(options.seed, Purpose::Truth));
+        let hidden = hide(options)?;
+        let effects = hidden.iter().map(|h| EffectTruth { id: h.id, parameters: h.values.clone() }).collect();
+        let plant = Plant::new(robot, &truth, hidden)?;
+        let board = Board::new(robot, plant, options.seed)?;
+        let pty = Pty::open(options.link.as_deref())?;
+        let path = pty.path().to_owned();
+        let session = Session::new(board, options.faults.clone(), options.seed);
+        let stop = Arc::new(AtomicBool::new(false));
+        let (pace, theirs) = (options.pace, Arc::clone(&stop));
+        let thread = std::thread::Builder::new()
+            .name("simulated robot".to_owned())
+            .spawn(move || run(session, pty, pace, &theirs))?;
+        Ok(Self { path, truth: truth.values(robot), effects, stop, thread: Some(thread) })
+    }
+
+    /// The serial port of the robot.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// What is true of the robot.
+    pub fn truth(&self) -> &[TrueValue] {
+        &self.truth
+    }
+
+    /// The effects in it.
+    pub fn effects(&self) -> &[EffectTruth] {
+        &self.effects
+    }
+
+    /// Whether the simulation still runs; if not, [`Self::finish`] tells why.
+    pub fn is_running(&self) -> bool {
+        self.thread.as_ref().is_some_and(|thread| !thread.is_finished())
+    }
+
+    /// Ends the simulation.
+    ///
+    /// # Errors
+    /// Why it ended before.
+    pub fn finish(mut self) -> Result<SimulationReport, SimulateError> {
+        self.stop.store(true, Relaxed);
+        let thread = self.thread.take().ok_or(SimulateError::Died)?;
+        let (faults, ticks) = thread.join().map_err(|_| SimulateError::Died)??;
+        let (truth, effects) = (std::mem::take(&mut self.truth), std::mem::take(&mut self.effects));
+        Ok(SimulationReport { truth, effects, faults, ticks })
+    }
+}
+
+impl Drop for Simulator {
+    fn drop(&mut self) {
+        self.stop.store(true, Relaxed);
+        if let Some(thread) = self.thread.take() {
+            // Nobody is left to be told.
+            let _ = thread.join();
+        }
+    }
+}
+
+/// The effects asked for, and the hidden one.
+fn hide(options: &Options) -> Result<Vec<Hidden>, SimulateError> {
+    let robot = &options.robot;
+    let mut rng = stream(options.seed, Purpose::Effects);
+    let mut hidden = Vec::new();
+    for choice in &options.effects {
+        hidden.push(choice.effect.hide_in(robot, choice.size, &mut rng)?);
+    }
+    if let Some(seed) = options.hide {
+        let mut rng = stream(seed, Purpose::Hide);
+        let choice = EffectChoice::drawn(&mut rng);
+        hidden.push(choice.effect.hide_in(robot, choice.size, &mut rng)?);
+    }
+    Ok(hidden)
+}
+
+fn run(mut session: Session, mut pty: Pty, pace: Pace, stop: &AtomicBool) -> Result<(FaultCounts, u64), SimulateError> {
+    let mut heard = Vec::new();
+    let mut due = Instant::now();
+    let mut waiting_since: Option<Instant> = None;
+    while !stop.load(Relaxed) {
+        pty.read(&mut heard)?;
+        session.receive(&mut heard);
+        pty.write(&mut session.to_host)?;
+
+        let now = Instant::now();
+        if pace == Pace::Fast && session.in_motion() && !session.in_stall() {
+            if session.host_keeps_up() {
+                (waiting_since, due) = (None, now);
+                for _ in 0..BATCH {
+                    session.tick()?;
+                }
+                continue;
+            }
+            if now - *waiting_since.get_or_insert(now) < PATIENCE {
+                due = now;
+                // The port is written again soon: the host may be waiting for what did not fit.
+                pty.wait(TICK)?;
+                // A heartbeat that came is delivered by the tick that follows it.
+                pty.read(&mut heard)?;
+                if !heard.is_empty() {
+                    session.receive(&mut heard);
+                    session.tick()?;
+                }
+                continue;
+            }
+        } else {
+            waiting_since = None;
+        }
+        if now < due {
+            std::thread::sleep(due - now);
+            continue;
+        }
+        session.tick()?;
+        due += TICK;
+        if now > due + MOST_BEHIND {
+            due = now;
+        }
+    }
+    Ok((session.counts(), session.ticks()))
+}
