@@ -18,6 +18,8 @@ mod import;
 mod ports;
 mod record;
 mod repair;
+mod robot;
+mod simulate;
 mod verify;
 
 mod exit;
@@ -47,6 +49,7 @@ struct Cli {
 #[derive(Debug, Subcommand)]
 enum Verb {
     Ports(ports::Args),
+    Simulate(simulate::Args),
     Record(record::Args),
     Import(import::Args),
     Check(check::Args),
@@ -54,6 +57,7 @@ enum Verb {
     Verify(verify::Args),
     Export(export::Args),
     Repair(repair::Args),
+    Robot(robot::Args),
     Completions(completions::Args),
 }
 
@@ -65,6 +69,7 @@ pub fn main() -> ExitCode {
     let ui = Ui::new(&cli.ui);
     let ended = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| match cli.verb {
         Verb::Ports(args) => ports::run(args, &ui),
+        Verb::Simulate(args) => simulate::run(args, &ui),
         Verb::Record(args) => record::run(args, &ui),
         Verb::Import(args) => import::run(args, &ui),
         Verb::Check(args) => check::run(args, &ui),
@@ -72,6 +77,7 @@ pub fn main() -> ExitCode {
         Verb::Verify(args) => verify::run(args, &ui),
         Verb::Export(args) => export::run(args, &ui),
         Verb::Repair(args) => repair::run(args, &ui),
+        Verb::Robot(args) => robot::run(args, &ui),
         Verb::Completions(args) => completions::run(args, &ui),
     }));
     let exit = match ended {

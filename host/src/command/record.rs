@@ -9,6 +9,7 @@ use firmware::motion::preset;
 use protocol::Motion;
 use protocol::budget::{self, BAUD};
 
+use super::simulate::{say_faults, simulate_failure, simulated_port, write_truth};
 use super::{Exit, Failure, LiveFile, Ui, robot_failure};
 use crate::link::{self, CaptureError, Captured, Device, LinkError, Options, Ready, ScaleError, Stopper, Zero};
 use crate::robot::Robot;
@@ -20,7 +21,7 @@ use crate::robot::Robot;
 /// last half second.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// The robot's serial device
+    /// The robot's serial device, or sim: with the options of simulate, as sim:seed=3,effect=base_bearing
     #[arg(long, value_name = "PORT")]
     port: String,
     /// calibration, validation, or a motion file
@@ -46,13 +47,21 @@ pub struct Args {
 /// Connects, makes ready, plays and records.
 pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
     let file = LiveFile::claim(&args.output, args.force)?;
-    let robot = args.robot.as_deref().map(Robot::load).transpose().map_err(robot_failure)?;
+    let mut robot = args.robot.as_deref().map(Robot::load).transpose().map_err(robot_failure)?;
     let wanted = Wanted::of(&args.motion)?;
+    let simulated = simulated_port(&args.port, args.force)?;
     let interrupt = Interrupt::listen()?;
 
     let connecting = ui.busy("connecting");
     let options = Options { baud: args.baud, ..Options::default() };
-    let mut device = Device::open(&args.port, &options).map_err(link_failure)?;
+    let port = match &simulated {
+        Some((simulator, simulation, _)) => {
+            robot = robot.or_else(|| Some(simulation.robot.clone()));
+            simulator.path().display().to_string()
+        }
+        None => args.port.clone(),
+    };
+    let mut device = Device::open(&port, &options).map_err(link_failure)?;
     interrupt.guards(device.stopper());
     drop(connecting);
     let identity = &device.hello().identity;
@@ -68,7 +77,8 @@ pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
             .map_err(|error| robot_failure(error).advice("name the robot's description file with --robot"))?,
     };
     let (motion, text) = wanted.fitted(&robot)?;
-    let zero = ask_for_zero(&args, &device, ui)?;
+    // A simulated robot starts in its marked pose.
+    let zero = if simulated.is_some() { Zero::Set } else { ask_for_zero(&args, &device, ui)? };
 
     let preparing = ui.busy("uploading");
     let ready = Ready::prepare(&mut device, &robot, &motion, text, zero).map_err(capture_failure)?;
@@ -82,6 +92,12 @@ pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
     });
     drop(bar);
     let balance = device.balance();
+    drop(device);
+    if let Some((simulator, _, truth)) = simulated {
+        let report = simulator.finish().map_err(simulate_failure)?;
+        say_faults(ui, &report);
+        write_truth(truth, &report)?;
+    }
     match captured {
         Ok(captured) => {
             say_captured(ui, &args, &captured);

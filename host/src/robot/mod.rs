@@ -37,6 +37,9 @@ use chain::Chain;
 const BUILTIN: [(&str, &str); 2] =
     [("doggy", include_str!("builtin/doggy.toml")), ("one_joint", include_str!("builtin/one_joint.toml"))];
 
+/// What `host robot new` writes; NAME stands for the robot's name.
+const TEMPLATE: &str = include_str!("builtin/template.toml");
+
 /// A robot, as its description file says and checked.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Robot {
@@ -192,6 +195,15 @@ impl Robot {
             Some((_, text)) => Self::parse(text),
             None => Err(RobotError::unknown_robot(name, &Self::builtin_names().collect::<Vec<_>>())),
         }
+    }
+
+    /// A commented description to start from.
+    ///
+    /// # Errors
+    /// [`RobotError::Invalid`] for a name that no robot can have.
+    pub fn template(name: &str) -> Result<String, RobotError> {
+        let text = TEMPLATE.replace("\"NAME\"", &format!("{name:?}"));
+        Self::parse(&text).map(|_| text)
     }
 
     /// A robot from the text of a description file.

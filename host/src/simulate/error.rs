@@ -13,7 +13,7 @@ pub enum SimulateError {
     #[error(transparent)]
     Effect(#[from] EffectError),
     /// An option that does not exist.
-    #[error("a simulated port has no option `{key}`; there are robot, seed, effect, hide, pace, fault")]
+    #[error("a simulated port has no option `{key}`; there are robot, seed, effect, hide, pace, fault, truth")]
     UnknownOption {
         /// What was given.
         key: String,

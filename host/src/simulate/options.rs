@@ -26,6 +26,8 @@ pub struct Options {
     pub faults: Vec<Fault>,
     /// A symbolic link to the port.
     pub link: Option<PathBuf>,
+    /// Where the caller writes the truth at the end.
+    pub truth: Option<PathBuf>,
 }
 
 /// An effect and its size, as `backlash`, `backlash=large` or `backlash=0.008`.
@@ -77,7 +79,16 @@ pub enum Fault {
 impl Options {
     /// A robot with nothing wrong, as fast as the host keeps up.
     pub fn new(robot: Robot) -> Self {
-        Self { robot, seed: 0, effects: Vec::new(), hide: None, pace: Pace::Fast, faults: Vec::new(), link: None }
+        Self {
+            robot,
+            seed: 0,
+            effects: Vec::new(),
+            hide: None,
+            pace: Pace::Fast,
+            faults: Vec::new(),
+            link: None,
+            truth: None,
+        }
     }
 
     /// From the part of a port's name behind `sim:`.
@@ -100,6 +111,7 @@ impl Options {
                 "hide" => options.hide = Some(value.parse().map_err(|_| wrong("a whole number"))?),
                 "effect" => options.effects.push(value.parse()?),
                 "fault" => options.faults.push(value.parse()?),
+                "truth" => options.truth = Some(PathBuf::from(value)),
                 "pace" => {
                     options.pace = match value {
                         "real" => Pace::Real,
@@ -164,12 +176,13 @@ mod tests {
 
     #[test]
     fn a_ports_name_says_all() {
-        let text = "seed=3,effect=base_bearing,effect=backlash=0.004,robot=one_joint,fault=drop=0.01,fault=reset@7";
+        let text = "seed=3,effect=base_bearing,effect=backlash=0.004,robot=one_joint,fault=drop=0.01,fault=reset@7,truth=t.json";
         let options = Options::parse(text).unwrap();
         assert_eq!((options.robot.name.as_str(), options.seed, options.pace), ("one_joint", 3, Pace::Fast));
         let effects: Vec<_> = options.effects.iter().map(|choice| (choice.effect.id, choice.size)).collect();
         assert_eq!(effects, [("base_bearing", Size::Medium), ("backlash", Size::Exact(0.004))]);
         assert_eq!(options.faults, [Fault::Drop(0.01), Fault::Reset { at_s: 7.0 }]);
+        assert_eq!(options.truth, Some(PathBuf::from("t.json")));
         assert_eq!(Options::parse("").unwrap().robot.name, "doggy");
     }
 

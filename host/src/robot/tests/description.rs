@@ -91,3 +91,15 @@ fn a_robot_that_is_not_there_is_told_apart_from_one_that_cannot_be_read() {
     let text = Robot::load("no/such/robot.toml").unwrap_err().to_string();
     assert!(text.contains("cannot read the robot file no/such/robot.toml"), "{text}");
 }
+
+#[test]
+fn the_template_is_a_robot_and_shows_every_field() {
+    let text = Robot::template("my-arm_2").unwrap();
+    assert_eq!(Robot::parse(&text).unwrap().name, "my-arm_2");
+    for name in ["", "my robot", "a\"b"] {
+        assert!(Robot::template(name).unwrap_err().to_string().contains("letters, digits"), "{name:?}");
+    }
+    for field in ["rotation", "limits_m", "k_t", "link_encoder", "tachometer", "offset_us", "fixed", "prismatic"] {
+        assert!(text.contains(field), "{field}");
+    }
+}

@@ -1,0 +1,127 @@
+//! `host simulate`: plays robot and microcontroller behind a pseudo-terminal.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::time::Duration;
+
+use super::{Exit, Failure, NewFile, Ui, robot_failure};
+use crate::robot::Robot;
+use crate::simulate::{EffectChoice, Fault, Options, Pace, SimulateError, SimulationReport, Simulator};
+
+/// Play robot and microcontroller behind a pseudo-terminal
+///
+/// Prints the path of the port, which `host record --port` opens like any other, and runs until Ctrl-C. The bytes are
+/// those of the firmware, whose control core runs inside.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// The robot: a built-in name or a description file
+    #[arg(long, value_name = "ROBOT", default_value = "doggy")]
+    robot: String,
+    /// A symbolic link to the port, for a path that does not change
+    #[arg(long, value_name = "PATH")]
+    link: Option<PathBuf>,
+    /// An effect in the plant, as base_bearing, backlash=large or backlash=0.008; may be repeated
+    #[arg(long = "effect", value_name = "ID[=SIZE]")]
+    effects: Vec<EffectChoice>,
+    /// Hide an effect drawn by this seed
+    #[arg(long, value_name = "SEED")]
+    hide: Option<u64>,
+    /// Decides true parameters, sizes, noise and faults
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    seed: u64,
+    /// Whether time runs as on a real robot, or in motions as fast as the host keeps up
+    #[arg(long, value_enum, default_value_t = Pace::Real)]
+    pace: Pace,
+    /// drop=RATE, corrupt=RATE, stall-out=SECONDS@TIME, stall-in=SECONDS@TIME or reset@TIME; may be repeated. Times
+    /// count from the start of the first motion
+    #[arg(long = "fault", value_name = "FAULT")]
+    faults: Vec<Fault>,
+    /// Write the true parameters, the effects and the faults injected to this file at the end
+    #[arg(long, value_name = "FILE.json")]
+    truth: Option<PathBuf>,
+    /// Replace the file if it exists
+    #[arg(long)]
+    force: bool,
+}
+
+/// Runs until Ctrl-C.
+pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
+    let truth = args.truth.as_deref().map(|path| NewFile::claim(path, args.force)).transpose()?;
+    let options = Options {
+        robot: Robot::load(&args.robot).map_err(robot_failure)?,
+        seed: args.seed,
+        effects: args.effects,
+        hide: args.hide,
+        pace: args.pace,
+        faults: args.faults,
+        link: args.link,
+        truth: args.truth,
+    };
+    let over = Arc::new(AtomicBool::new(false));
+    let heard = Arc::clone(&over);
+    ctrlc::set_handler(move || heard.store(true, Relaxed)).map_err(Failure::fault)?;
+
+    let simulator = Simulator::start(&options).map_err(simulate_failure)?;
+    ui.print(&format!("{}\n", simulator.path().display()))?;
+    ui.say(format_args!("{} simulated, seed {}; Ctrl-C ends it", options.robot.name, options.seed));
+    while !over.load(Relaxed) && simulator.is_running() {
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    let report = simulator.finish().map_err(simulate_failure)?;
+    say_faults(ui, &report);
+    write_truth(truth, &report)?;
+    Ok(Exit::Ok)
+}
+
+/// A simulated robot for a port's name, if it is one (`sim:…`), and where its truth is to be written.
+pub(super) fn simulated_port(
+    port: &str,
+    force: bool,
+) -> Result<Option<(Simulator, Options, Option<NewFile>)>, Failure> {
+    let Some(options) = port.strip_prefix("sim:") else { return Ok(None) };
+    let options = Options::parse(options).map_err(simulate_failure)?;
+    let truth = options.truth.as_deref().map(|path: &Path| NewFile::claim(path, force)).transpose()?;
+    let simulator = Simulator::start(&options).map_err(simulate_failure)?;
+    Ok(Some((simulator, options, truth)))
+}
+
+/// One line about faults, if any were injected.
+pub(super) fn say_faults(ui: &Ui, report: &SimulationReport) {
+    let faults = &report.faults;
+    let line = &faults.line;
+    let injected = line.dropped_frames + line.corrupted_frames > 0 || faults.stalls_out + faults.stalls_in > 0;
+    if injected || faults.resets > 0 {
+        ui.say(format_args!(
+            "injected: {} samples lost on the line ({} frames dropped, {} corrupted), {} stalls, {} resets",
+            line.lost_samples(),
+            line.dropped_frames,
+            line.corrupted_frames,
+            faults.stalls_out + faults.stalls_in,
+            faults.resets
+        ));
+    }
+}
+
+/// Writes what is true of the robot, if it was asked for.
+pub(super) fn write_truth(file: Option<NewFile>, report: &SimulationReport) -> Result<(), Failure> {
+    let Some(file) = file else { return Ok(()) };
+    let text = serde_json::to_string_pretty(report).map_err(Failure::fault)? + "\n";
+    file.finish_with(text.as_bytes())
+}
+
+/// A robot that cannot be simulated.
+pub(super) fn simulate_failure(error: SimulateError) -> Failure {
+    match error {
+        SimulateError::Robot(error) => robot_failure(error),
+        SimulateError::Effect(_) => Failure::usage(error).advice("`host simulate --help` tells how to write effects"),
+        SimulateError::UnknownOption { .. } | SimulateError::Option { .. } => {
+            Failure::usage(error).advice("write a simulated port as sim:seed=3,effect=base_bearing")
+        }
+        SimulateError::Unsuited { .. } => {
+            Failure::data(error).advice("change the description, or simulate another robot")
+        }
+        SimulateError::Port(_) => Failure::device(error).advice("a file in the way of --link must be moved first"),
+        SimulateError::Gyro { .. } | SimulateError::Died => Failure::fault(error),
+    }
+}
