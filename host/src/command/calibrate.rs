@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use super::{Exit, Failure, ResultArgs, Ui, read_failure, robot_failure};
 use crate::calibrate::{CalibrateError, Calibration, Preset, Status, calibrate};
 use crate::recording::{self, Recording};
+use crate::report;
 use crate::robot::Robot;
 use crate::solve::levenberg::Settings;
 
@@ -39,7 +40,7 @@ pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
     let robot = other.unwrap_or_else(|| recordings[0].robot.clone()); // clap asks for at least one recording
     let calibration = solve(&robot, &recordings.iter().collect::<Vec<_>>(), args.preset, ui)?;
     print_table(ui, &calibration);
-    outputs.finish(ui, &calibration, String::new)?;
+    outputs.finish(ui, &calibration, || report::calibration::page(&calibration).to_html())?;
     Ok(if calibration.status.is_usable() { Exit::Ok } else { Exit::NoConvergence })
 }
 

@@ -20,6 +20,7 @@
 //! assert!(page.to_html().starts_with("<!DOCTYPE html>"));
 //! ```
 
+pub mod calibration;
 pub mod html;
 pub mod number;
 
