@@ -7,7 +7,8 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use protocol::hello::Greeting;
-use protocol::{Command, Hello, Motion, MotionId, Refusal, State, Status, ToDevice, budget};
+use protocol::request::HEARTBEAT_PERIOD_MS;
+use protocol::{Command, Fault, Hello, Motion, MotionId, Refusal, State, Status, ToDevice, budget};
 
 use super::heartbeat::Pulse;
 use super::inbox::Arrival;
@@ -42,7 +43,7 @@ impl Default for Options {
     }
 }
 
-/// A device that answered the handshake. Dropped, it is told to stop.
+/// A device that answered the handshake. Dropped, it is told to stop unless it is known to be at rest.
 pub struct Device {
     shared: Arc<Shared>,
     outgoing: Arc<Outgoing>,
@@ -50,6 +51,8 @@ pub struct Device {
     reader: Option<JoinHandle<()>>,
     pulse: Option<Pulse>,
     hello: Hello,
+    /// The device said that nothing moves, and was not started since.
+    at_rest: bool,
 }
 
 /// Stops the device from another thread, without waiting for anything: for Ctrl-C.
@@ -100,7 +103,7 @@ impl Device {
         let hello = shake_hands(&closing.shared, &outgoing, &answers, options.greetings)?;
         hello.validate()?;
         let (shared, reader) = closing.keep();
-        Ok(Self { shared, outgoing, answers, reader, pulse: None, hello })
+        Ok(Self { shared, outgoing, answers, reader, pulse: None, hello, at_rest: false })
     }
 
     /// The handshake.
@@ -179,7 +182,21 @@ impl Device {
     /// # Errors
     /// [`LinkError::Refused`] with the reason.
     pub fn start(&mut self, motion: MotionId) -> Result<(), LinkError> {
-        self.ask("start the motion", Command::Start { motion, at_seq: None })
+        self.at_rest = false;
+        let mut attempts = 0;
+        loop {
+            let outcome = self.ask("start the motion", Command::Start { motion, at_seq: None });
+            match &outcome {
+                // A heartbeat was lost on the line: the next ones are under way.
+                Err(LinkError::Refused { refusal, .. })
+                    if **refusal == Refusal::Fault(Fault::HeartbeatLost) && attempts < ATTEMPTS =>
+                {
+                    attempts += 1;
+                    std::thread::sleep(Duration::from_millis(2 * HEARTBEAT_PERIOD_MS));
+                }
+                _ => return outcome,
+            }
+        }
     }
 
     /// The next thing that the device sent, or `None` if nothing came in time. Call it often: heartbeats tell the
@@ -231,17 +248,20 @@ impl Device {
 
     /// Where the missing samples went, so far.
     pub fn balance(&self) -> LossBalance {
-        self.shared.stream().ledger.balance()
+        self.shared.stream().ledger.balance(self.shared.damaged.load(Relaxed))
     }
 
-    /// Ends the stream and closes its balance with the device's own count. Take what [`Device::next`] still gives
+    /// Ends the stream, and heartbeats with it, and closes its balance with the device's own count. Take what [`Device::next`] still gives
     /// before asking for the balance.
     ///
     /// # Errors
     /// [`LinkError`] if the device does not answer; the balance then stays open.
     pub fn end_stream(&mut self) -> Result<Status, LinkError> {
+        // Its answers would be among the frames that are counted.
+        self.pulse = None;
         self.ask("end its stream", Command::Stream { on: false })?;
         let status = self.status()?;
+        self.at_rest = matches!(status.state, State::Idle | State::Fault(_));
         self.shared.stream().ledger.close(&status);
         // Answers overtake samples in the device: wait for the last ones, or until nothing comes any more.
         let (mut arrived, mut since) = (0, Instant::now());
@@ -291,7 +311,9 @@ impl Device {
 impl Drop for Device {
     fn drop(&mut self) {
         // While heartbeats still go: the stop is what ends a motion, not their absence.
-        self.stopper().stop();
+        if !self.at_rest {
+            self.stopper().stop();
+        }
         self.pulse = None;
         drop(Closing { shared: Arc::clone(&self.shared), reader: self.reader.take() });
     }

@@ -28,8 +28,9 @@ struct Beat {
 }
 
 impl Pulse {
-    /// Begins at once.
+    /// Begins at once: the first heartbeat is on the line when this returns.
     pub(super) fn start(outgoing: Arc<Outgoing>, tick_us: u16) -> std::io::Result<Self> {
+        beat(&outgoing, 0, 0);
         let shared = Arc::new((Mutex::new(Beat::default()), Condvar::new()));
         let theirs = Arc::clone(&shared);
         let thread = std::thread::Builder::new().name("heartbeat".to_owned()).spawn(move || run(&theirs, &outgoing))?;
@@ -62,19 +63,23 @@ impl Drop for Pulse {
 }
 
 fn run(shared: &(Mutex<Beat>, Condvar), outgoing: &Outgoing) {
-    let (beat, _) = shared;
-    for count in (0..=u16::MAX).cycle() {
-        let mut beat = beat.lock().unwrap_or_else(|e| e.into_inner());
-        (beat.due, beat.told_seq) = (false, beat.seen_seq);
-        let seen_seq = beat.seen_seq;
-        drop(beat);
-        // A line that does not take it is noticed by the reader, or by the device, which then stops the motion.
-        if let Err(error) = outgoing.send(&ToDevice::Heartbeat(Heartbeat { count, seen_seq })) {
-            tracing::debug!("heartbeat not sent: {error:?}");
-        }
+    let (state, _) = shared;
+    for count in (0..=u16::MAX).cycle().skip(1) {
         if !wait(shared) {
             return;
         }
+        let mut state = state.lock().unwrap_or_else(|e| e.into_inner());
+        (state.due, state.told_seq) = (false, state.seen_seq);
+        let seen_seq = state.seen_seq;
+        drop(state);
+        beat(outgoing, count, seen_seq);
+    }
+}
+
+fn beat(outgoing: &Outgoing, count: u16, seen_seq: u32) {
+    // A line that does not take it is noticed by the reader, or by the device, which then stops the motion.
+    if let Err(error) = outgoing.send(&ToDevice::Heartbeat(Heartbeat { count, seen_seq })) {
+        tracing::debug!("heartbeat not sent: {error:?}");
     }
 }
 

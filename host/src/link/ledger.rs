@@ -7,7 +7,7 @@
 //!      ├─ device_dropped                     the device's own count
 //!      ├─ host_dropped                       this program's queue was full
 //!      └─ line_lost                          the rest: lost or damaged on the way
-//!   damaged_frames                           counted beside it; most of them were samples
+//!   damaged_frames                           counted beside it, since the port was opened; most of them were samples
 //! ```
 
 use protocol::clock::{Backwards, Unwrapped};
@@ -24,7 +24,6 @@ pub(super) struct Ledger {
     arrived: u64,
     host_dropped: u64,
     device_dropped: u32,
-    damaged: u64,
     closed: Option<u64>,
 }
 
@@ -49,20 +48,20 @@ impl Ledger {
         self.host_dropped += 1;
     }
 
-    /// A frame was damaged.
-    pub(super) fn damaged(&mut self) {
-        self.damaged += 1;
-    }
-
     /// The device tells of samples that it dropped.
     pub(super) fn loss(&mut self, loss: &Loss) {
         self.device_dropped = self.device_dropped.max(loss.total);
     }
 
-    /// The device's closing account of this stream.
+    /// The device's closing account of this stream; not believed if samples lie outside of it, since then it is that of
+    /// another life of the device.
     pub(super) fn close(&mut self, status: &Status) {
-        self.device_dropped = status.dropped;
-        self.closed = Some(u64::from(status.end_seq.wrapping_sub(status.first_seq)));
+        let ticks = status.end_seq.wrapping_sub(status.first_seq);
+        let inside = |seq: &u64| (*seq as u32).wrapping_sub(status.first_seq) < ticks;
+        if self.first.iter().chain(&self.seq.last()).all(inside) {
+            self.device_dropped = status.dropped;
+            self.closed = Some(u64::from(ticks));
+        }
     }
 
     /// Whether nothing more can come: every tick arrived or was dropped by the device.
@@ -80,8 +79,8 @@ impl Ledger {
         (self.seq.near(seq), self.time.near(t_us))
     }
 
-    /// Where the missing samples went, so far.
-    pub(super) fn balance(&self) -> LossBalance {
+    /// Where the missing samples went, so far; `damaged_frames` is the line's count.
+    pub(super) fn balance(&self, damaged_frames: u64) -> LossBalance {
         let so_far = match (self.first, self.seq.last()) {
             (Some(first), Some(last)) => last - first + 1,
             _ => 0,
@@ -98,7 +97,7 @@ impl Ledger {
             device_dropped,
             host_dropped: self.host_dropped,
             line_lost: missing.saturating_sub(device_dropped + self.host_dropped),
-            damaged_frames: self.damaged,
+            damaged_frames,
             closed: self.closed.is_some(),
         }
     }
@@ -147,8 +146,7 @@ mod tests {
                 match fate {
                     Fate::Arrives => { ledger.sample(seq, k * 1000).unwrap(); }
                     Fate::HostDrops => { ledger.sample(seq, k * 1000).unwrap(); ledger.host_dropped(); }
-                    Fate::Damaged => ledger.damaged(),
-                    Fate::DeviceDrops | Fate::Lost => {}
+                    Fate::Damaged | Fate::DeviceDrops | Fate::Lost => {}
                 }
             }
             let dropped = count(Fate::DeviceDrops);
@@ -163,7 +161,7 @@ mod tests {
                 damaged_frames: count(Fate::Damaged),
                 closed: true,
             };
-            prop_assert_eq!(ledger.balance(), expected);
+            prop_assert_eq!(ledger.balance(count(Fate::Damaged)), expected);
             prop_assert_eq!(ledger.is_whole(), expected.line_lost == 0);
         }
     }
@@ -171,14 +169,28 @@ mod tests {
     #[test]
     fn before_the_account_the_balance_is_what_is_known() {
         let mut ledger = Ledger::default();
-        assert_eq!(ledger.balance(), LossBalance::default());
+        assert_eq!(ledger.balance(0), LossBalance::default());
         for seq in [u32::MAX - 1, u32::MAX, 3] {
             ledger.sample(seq, seq).unwrap();
         }
         ledger.loss(&Loss { cause: LossCause::QueueFull, count: 2, first_seq: 0, total: 2 });
-        let balance = ledger.balance();
+        let balance = ledger.balance(0);
         assert_eq!((balance.ticks, balance.missing, balance.device_dropped, balance.line_lost), (6, 3, 2, 1));
         assert!(!balance.closed);
+    }
+
+    #[test]
+    fn the_account_of_another_life_is_not_believed() {
+        let mut ledger = Ledger::default();
+        ledger.sample(5000, 5_000_000).unwrap();
+        ledger.sample(5002, 5_002_000).unwrap();
+        for (first, end) in [(0, 0), (0, 40), (5001, 5003), (5000, 5002)] {
+            ledger.close(&status(first, end, 7));
+            assert_eq!((ledger.balance(0).closed, ledger.balance(0).device_dropped), (false, 0), "{first} {end}");
+        }
+        ledger.close(&status(4999, 5003, 1));
+        let balance = ledger.balance(0);
+        assert_eq!((balance.closed, balance.ticks, balance.device_dropped, balance.line_lost), (true, 4, 1, 1));
     }
 
     #[test]

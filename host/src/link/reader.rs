@@ -113,10 +113,6 @@ impl Reader {
     fn damaged(&self, error: &dyn std::fmt::Display) {
         tracing::debug!("damaged frame: {error}");
         self.shared.damaged.fetch_add(1, Relaxed);
-        let mut stream = self.shared.stream();
-        if stream.on {
-            stream.ledger.damaged();
-        }
     }
 
     fn frame(&mut self, payload: &[u8]) {

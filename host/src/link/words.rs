@@ -1,7 +1,7 @@
 //! What a device tells, in words for the recording and the terminal.
 
 use protocol::message::Level;
-use protocol::{EventKind, Hello, Loss, LossCause, MotionEnd};
+use protocol::{EventKind, Hello, Loss, LossCause, MotionEnd, ResetReason};
 
 use super::reset_name;
 use crate::recording::{Firmware, Severity};
@@ -9,7 +9,15 @@ use crate::recording::{Firmware, Severity};
 /// An event.
 pub(super) fn event(kind: &EventKind) -> (Severity, String) {
     match kind {
-        EventKind::Started(reason) => (Severity::Warning, format!("device started: {}", reset_name(*reason))),
+        EventKind::Started(reason) => {
+            let severity = match reason {
+                ResetReason::PowerOn | ResetReason::Pin | ResetReason::Software => Severity::Note,
+                ResetReason::BrownOut | ResetReason::Watchdog | ResetReason::Panic | ResetReason::Unknown => {
+                    Severity::Warning
+                }
+            };
+            (severity, format!("device started: {}", reset_name(*reason)))
+        }
         EventKind::ZeroSet => (Severity::Note, "zero positions set".to_owned()),
         EventKind::MotionStarted(_) => (Severity::Note, "motion started".to_owned()),
         EventKind::MoveTimedOut { segment } => {

@@ -121,7 +121,7 @@ pub struct LossBalance {
     pub host_dropped: u64,
     /// The rest: lost on the line.
     pub line_lost: u64,
-    /// Frames that arrived damaged and were thrown away (they are among the lost).
+    /// Frames, samples or not, that arrived damaged since the port was opened, and were thrown away.
     pub damaged_frames: u64,
     /// Whether the device's closing count was received; if not, `device_dropped` is what it had told until then.
     pub closed: bool,
