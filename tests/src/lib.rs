@@ -67,3 +67,14 @@ pub fn parameter<'a>(calibration: &'a serde_json::Value, name: &str) -> &'a serd
 pub fn estimate(calibration: &serde_json::Value, name: &str) -> f64 {
     parameter(calibration, name)["estimate"].as_f64().unwrap_or_else(|| panic!("{name} has no estimate"))
 }
+
+/// Calibrates a recording with a preset, from the start values of its robot; gives CAL.json.
+///
+/// # Panics
+/// If the calibration does not end with exit code 0.
+pub fn calibrate_run(run: &Path, preset: &str) -> serde_json::Value {
+    let scratch = tempfile::tempdir().expect("there is room for scratch files");
+    let cal = scratch.path().join("cal.json");
+    host_succeeds([Path::new("calibrate"), run, Path::new("--preset"), Path::new(preset), Path::new("-o"), &cal]);
+    json(&cal)
+}

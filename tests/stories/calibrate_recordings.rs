@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use tests::{estimate, host_succeeds, json, parameter, recordings};
+use tests::{calibrate_run, estimate, host_succeeds, parameter, recordings};
 
 /// Name and true value of the dynamic parameters.
 type Truth = [(&'static str, f64); 12];
@@ -25,17 +25,9 @@ const CLEAN: Truth = [
 /// Imports a table and calibrates it with a preset.
 fn calibrate(table: &Path, preset: &str) -> serde_json::Value {
     let scratch = tempfile::tempdir().unwrap();
-    let (run, cal) = (scratch.path().join("run.mcap"), scratch.path().join("cal.json"));
+    let run = scratch.path().join("run.mcap");
     host_succeeds([Path::new("import"), table, Path::new("-o"), &run]);
-    host_succeeds([
-        Path::new("calibrate"),
-        &run,
-        Path::new("--preset"),
-        Path::new(preset),
-        Path::new("-o"),
-        &cal,
-    ]);
-    json(&cal)
+    calibrate_run(&run, preset)
 }
 
 #[test]
@@ -125,9 +117,14 @@ fn a_flexible_bearing_makes_belts_too_soft_under_rigid_rows_and_less_so_under_th
     let share = |cal: &serde_json::Value, i: usize| estimate(cal, &format!("k_s[{}]", i + 1)) / truth[i];
     let default = calibrate(&table, "default");
     let paper = calibrate(&table, "paper");
-    eprintln!(
-        "k_s over truth: default {:?}, paper {:?}",
-        [0, 1, 2].map(|i| share(&default, i)),
-        [0, 1, 2].map(|i| share(&paper, i))
-    );
+    // Measured: the belts of pitch and roll 29 and 38 % too soft where gyros are predicted on a rigid base, 15 and 18 % too soft
+    // under (26), which feeds the measured tilt in; yaw, about which nothing tilts, 1 % off.
+    let expected = [[(0.98, 1.01), (0.68, 0.74), (0.59, 0.65)], [(0.97, 1.00), (0.82, 0.88), (0.78, 0.85)]];
+    for (cal, expected, preset) in [(&default, expected[0], "default"), (&paper, expected[1], "paper")] {
+        for (i, (low, high)) in expected.into_iter().enumerate() {
+            let share = share(cal, i);
+            eprintln!("base_bearing, {preset}: k_s[{}] is {share:.3} of the truth", i + 1);
+            assert!((low..high).contains(&share), "{preset}: k_s[{}] is {share:.3} of the truth", i + 1);
+        }
+    }
 }

@@ -21,6 +21,7 @@
 //! ```
 
 pub mod calibration;
+pub mod demo;
 pub mod html;
 pub mod number;
 

@@ -8,12 +8,17 @@ use super::factor::Factor;
 use super::levenberg::{Settings, Status, minimise};
 use super::{LeastSquares, Rows, Step, Transition};
 
+/// ∂r/∂x, ∂r/∂p, r.
+type RandomRow = (Vec<f64>, Vec<f64>, f64);
+/// ∂φ/∂x, ∂φ/∂p, φ − x', weight.
+type RandomStep = (Vec<f64>, Vec<f64>, f64, f64);
+
 /// Random linear rows and transitions, some links broken.
 struct Random {
     n: usize,
     m: usize,
-    rows: Vec<Vec<(Vec<f64>, Vec<f64>, f64)>>,
-    transitions: Vec<Option<Vec<(Vec<f64>, Vec<f64>, f64, f64)>>>,
+    rows: Vec<Vec<RandomRow>>,
+    transitions: Vec<Option<Vec<RandomStep>>>,
     border: (Vec<f64>, f64),
 }
 
@@ -204,10 +209,10 @@ fn a_held_direction_is_not_moved_and_has_no_variance() {
     let problem = Random::new(11, 10, 4, 4, 1.0);
     let held = vec![1.0, -2.0, 0.0, 0.5];
     let settings = Settings::default();
-    let solution = minimise(&problem, zero(&problem), &[held.clone()], &settings, |_, _| {}).unwrap();
+    let solution = minimise(&problem, zero(&problem), std::slice::from_ref(&held), &settings, |_, _| {}).unwrap();
     // The held direction is kept in units of the conditional deviations: no step has a component along it there.
     let (schur, gradient) = solution.factor.schur();
-    let border = Border::new(&schur, &gradient, &[held.clone()]);
+    let border = Border::new(&schur, &gradient, std::slice::from_ref(&held));
     let covariance = border.covariance().unwrap();
     let information = DMatrix::from_row_slice(4, 4, &schur);
     let metric = DVector::from_fn(4, |i, _| information[(i, i)]);
