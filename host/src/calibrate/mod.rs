@@ -17,7 +17,7 @@ mod start;
 mod summary;
 
 pub use foresight::{Expected, Foresight, foresee};
-pub use observability::Unobservable;
+pub use observability::{Unobservable, comparable_misalignments};
 pub use point::{BorderLayout, Point};
 pub use preset::{Assumptions, GyroRows, InitialNoise, Preset, ProcessNoise};
 pub use problem::Problem;
@@ -106,7 +106,7 @@ pub fn calibrate(
     let directions: Vec<_> = held.iter().map(|held| held.direction.clone()).collect();
     let mut solution = levenberg::minimise(&problem, start.clone(), &directions, settings, progress)?;
 
-    observability::without_held_turns(&mut solution.point, robot, problem.border(), &held);
+    observability::without_held_turns(&mut solution.point.rotations, robot, problem.border(), &held);
     let (information, gradient) = solution.factor.schur();
     let mut border = Border::new(&information, &gradient, &directions);
     let weak = border.weak_directions(WEAK_INFORMATION);

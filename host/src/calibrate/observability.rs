@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
-use super::point::{BorderLayout, Point};
+use super::point::BorderLayout;
 use crate::model::{Model, SensorFrame, rotation};
 use crate::robot::Robot;
 
@@ -27,7 +27,7 @@ pub(super) struct Held {
 ///
 /// Steps along the other two axes compose to a small turn about the held one. It changes no prediction on a rigid base, and without
 /// it the result would show a number that only the path of the search explains.
-pub(super) fn without_held_turns(point: &mut Point<'_>, robot: &Robot, border: &BorderLayout, held: &[Held]) {
+pub(super) fn without_held_turns(rotations: &mut [Matrix3<f64>], robot: &Robot, border: &BorderLayout, held: &[Held]) {
     for (gyro, spec) in robot.gyros().enumerate() {
         let nominal = Matrix3::from_fn(|i, j| spec.rotation[i][j]);
         let at = border.rotation(gyro);
@@ -37,12 +37,26 @@ pub(super) fn without_held_turns(point: &mut Point<'_>, robot: &Robot, border: &
         });
         // One axis is a body that turns about one joint; three are a rotation that is known.
         if let (Some(axis), None) = (axes.next(), axes.next()) {
+            // Each turn leaves the square of what it removes.
             for _ in 0..8 {
-                let along = rotation::boxminus(&point.rotations[gyro], &nominal).dot(&axis);
-                point.rotations[gyro] = rotation::boxplus(&point.rotations[gyro], &(-along * axis));
+                let along = rotation::boxminus(&rotations[gyro], &nominal).dot(&axis);
+                rotations[gyro] = rotation::boxplus(&rotations[gyro], &(-along * axis));
             }
         }
     }
+}
+
+/// Misalignments δ (one a gyro, rad) as a calibration can find them: the same predictions on a rigid base, no component along what
+/// the robot's build hides. To compare a known truth with an estimate.
+pub fn comparable_misalignments(robot: &Robot, misalignments: &[[f64; 3]]) -> Vec<[f64; 3]> {
+    let model = Model::new(robot);
+    let gyros = robot.gyros().count();
+    let border = BorderLayout { dynamics: model.coordinates().len(), gyros, recordings: 1 };
+    let nominal: Vec<_> = robot.gyros().map(|g| Matrix3::from_fn(|i, j| g.rotation[i][j])).collect();
+    let mut rotations: Vec<_> =
+        nominal.iter().zip(misalignments).map(|(r, delta)| rotation::boxplus(r, &Vector3::from(*delta))).collect();
+    without_held_turns(&mut rotations, robot, &border, &structural(&model, robot, &border));
+    rotations.iter().zip(&nominal).map(|(r, nominal)| rotation::boxminus(r, nominal).into()).collect()
 }
 
 /// Rates of the body that carries a gyro span fewer than two directions: turning the gyro about what they span changes no prediction.

@@ -38,9 +38,16 @@ pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
         .map(|path| recording::read(path).map_err(read_failure))
         .collect::<Result<Vec<Recording>, _>>()?;
     let robot = other.unwrap_or_else(|| recordings[0].robot.clone()); // clap asks for at least one recording
-    let calibration = solve(&robot, &recordings.iter().collect::<Vec<_>>(), args.preset, ui)?;
+    let recordings: Vec<&Recording> = recordings.iter().collect();
+    let calibration = solve(&robot, &recordings, args.preset, ui)?;
     print_table(ui, &calibration);
-    outputs.finish(ui, &calibration, || report::calibration::page(&calibration).to_html())?;
+    let mut page = report::calibration::page(&calibration);
+    if args.preset == Preset::Paper && args.result.report.is_some() {
+        // The page shows what the paper's assumptions cost.
+        let default = solve(&robot, &recordings, Preset::Default, ui)?;
+        page.push(report::calibration::paper_beside_default(&default, &calibration, robot.sample_period_s));
+    }
+    outputs.finish(ui, &calibration, || page.to_html())?;
     Ok(if calibration.status.is_usable() { Exit::Ok } else { Exit::NoConvergence })
 }
 

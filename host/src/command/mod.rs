@@ -13,6 +13,7 @@
 mod calibrate;
 mod check;
 mod completions;
+mod demo;
 mod export;
 mod import;
 mod ports;
@@ -51,6 +52,7 @@ enum Verb {
     Ports(ports::Args),
     Simulate(simulate::Args),
     Record(record::Args),
+    Demo(demo::Args),
     Import(import::Args),
     Check(check::Args),
     Calibrate(calibrate::Args),
@@ -71,6 +73,7 @@ pub fn main() -> ExitCode {
         Verb::Ports(args) => ports::run(args, &ui),
         Verb::Simulate(args) => simulate::run(args, &ui),
         Verb::Record(args) => record::run(args, &ui),
+        Verb::Demo(args) => demo::run(args, &ui),
         Verb::Import(args) => import::run(args, &ui),
         Verb::Check(args) => check::run(args, &ui),
         Verb::Calibrate(args) => calibrate::run(args, &ui),

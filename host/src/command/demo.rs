@@ -1,0 +1,148 @@
+//! `host demo`: the whole way on a simulated robot, no hardware and no question asked.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use super::calibrate::{print_table, solve};
+use super::simulate::simulate_failure;
+use super::verify::verify_failure;
+use super::{Exit, Failure, NewFile, Ui, read_failure, robot_failure};
+use crate::calibrate::{self, Calibration, Preset};
+use crate::effect::TrueValue;
+use crate::recording::check::check;
+use crate::recording::{self, Recording};
+use crate::report;
+use crate::robot::Robot;
+use crate::simulate::{Options, Simulator};
+use crate::verify;
+
+/// Show the whole way on a simulated robot: record, check, calibrate, verify
+///
+/// A simulated Doggy with parameters of its own moves through the calibration motion and another one behind a
+/// pseudo-terminal and is recorded from there as a real one would be. Ends with the table of truth, start and estimate.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Folder for the recordings, results and the page [default: demo, or demo-2, demo-3 … if that exists]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Decides the true parameters and the noise
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+    /// Write the page here instead of into the folder
+    #[arg(long, value_name = "OUT.html")]
+    report: Option<PathBuf>,
+    /// Replace files that exist
+    #[arg(long)]
+    force: bool,
+}
+
+/// The robot of the demonstration.
+const ROBOT: &str = "doggy";
+
+/// Simulates, records twice, checks, calibrates, verifies, compares with the truth.
+pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
+    let folder = folder(args.out.as_deref())?;
+    let robot = Robot::load(ROBOT).map_err(robot_failure)?;
+    let page_path = args.report.unwrap_or_else(|| folder.join("demo.html"));
+    let page_file = NewFile::claim(&page_path, args.force)?;
+    let cal_file = NewFile::claim(&folder.join("calibration.json"), args.force)?;
+
+    ui.say(format_args!("1. A simulated {ROBOT}, seed {}, behind a pseudo-terminal", args.seed));
+    let simulator =
+        Simulator::start(&Options { seed: args.seed, ..Options::new(robot.clone()) }).map_err(simulate_failure)?;
+    let truth = comparable(&robot, simulator.truth());
+    ui.say("2. Recording the calibration motion and another one");
+    let calibration_run = record(simulator.path(), "calibration", true, &folder, args.force)?;
+    let validation_run = record(simulator.path(), "validation", false, &folder, args.force)?;
+    simulator.finish().map_err(simulate_failure)?;
+
+    ui.say("3. Checking");
+    let checked = check(&calibration_run);
+    for finding in &checked.findings {
+        ui.say(format_args!("{}: {}", finding.severity.name(), finding.message));
+    }
+    ui.say(if checked.usable { "fit for calibration" } else { "not fit for calibration" });
+    ui.say("4. Calibrating");
+    let calibration = solve(&robot, &[&calibration_run], Preset::Default, ui)?;
+    print_table(ui, &calibration);
+    ui.say("5. Predicting the other motion");
+    let progress = ui.busy("reading");
+    let (verification, traces) =
+        verify::verify(&calibration, &validation_run, |step| progress.stage(step)).map_err(verify_failure)?;
+    drop(progress);
+    super::verify::print_table(ui, &verification);
+
+    ui.say("6. Against the truth");
+    compare(ui, &calibration, &truth);
+    let text = serde_json::to_string_pretty(&calibration).map_err(Failure::fault)? + "\n";
+    cal_file.finish_with(text.as_bytes())?;
+    let page = report::demo::page(&calibration, &truth, &validation_run, &verification, &traces).to_html();
+    page_file.finish_with(page.as_bytes())?;
+    ui.say(format_args!("the page: {}", page_path.display()));
+    Ok(if calibration.status.is_usable() { Exit::Ok } else { Exit::NoConvergence })
+}
+
+/// The folder that was asked for, or a new one.
+fn folder(wanted: Option<&Path>) -> Result<PathBuf, Failure> {
+    let folder = wanted.map(Path::to_owned).unwrap_or_else(|| {
+        let name = |n: u32| PathBuf::from(if n == 1 { "demo".to_string() } else { format!("demo-{n}") });
+        (1..).map(name).find(|folder| !folder.exists()).unwrap_or_else(|| name(1))
+    });
+    std::fs::create_dir_all(&folder).map_err(|error| {
+        Failure::device(format!("cannot make the folder {}: {error}", folder.display())).advice("give another --out")
+    })?;
+    Ok(folder)
+}
+
+/// Records a motion as a user does: with `host record`, in a process of its own. The robot starts in its marked pose, and keeps its zero
+/// positions from then on.
+fn record(port: &Path, motion: &str, set_zero: bool, folder: &Path, force: bool) -> Result<Recording, Failure> {
+    let run = folder.join(format!("{motion}.mcap"));
+    let host = std::env::current_exe().map_err(Failure::fault)?;
+    let mut command = Command::new(host);
+    command.arg("record").arg("--port").arg(port).args(["--motion", motion, "-o"]).arg(&run);
+    if set_zero {
+        command.arg("--set-zero");
+    }
+    if force {
+        command.arg("--force");
+    }
+    let status = command.status().map_err(Failure::fault)?;
+    if !status.success() {
+        return Err(Failure::device(format!("recording the {motion} motion ended with {status}")));
+    }
+    recording::read(&run).map_err(read_failure)
+}
+
+/// The truth with the gyros' misalignments as a calibration can find them: the turn about yaw that no motion shows taken out.
+fn comparable(robot: &Robot, truth: &[TrueValue]) -> Vec<TrueValue> {
+    let mut truth = truth.to_vec();
+    let name = |gyro: usize, axis: usize| format!("R_imu{}[{}]", gyro + 1, ["x", "y", "z"][axis]);
+    let value = |name: String| truth.iter().find(|value| value.name == name).map_or(0.0, |value| value.value);
+    let misalignments: Vec<[f64; 3]> =
+        (0..robot.gyros().count()).map(|gyro| [0, 1, 2].map(|axis| value(name(gyro, axis)))).collect();
+    for (gyro, delta) in calibrate::comparable_misalignments(robot, &misalignments).into_iter().enumerate() {
+        for (axis, delta) in delta.into_iter().enumerate() {
+            if let Some(value) = truth.iter_mut().find(|value| value.name == name(gyro, axis)) {
+                value.value = delta;
+            }
+        }
+    }
+    truth
+}
+
+/// Truth, start and estimate ± error of every parameter.
+fn compare(ui: &Ui, calibration: &Calibration, truth: &[TrueValue]) {
+    ui.say(format_args!(
+        "{:<12} {:>12} {:>12} {:>14} {:>12}  unit",
+        "parameter", "truth", "start", "estimate", "± error"
+    ));
+    for p in &calibration.parameters {
+        let Some(true_value) = truth.iter().find(|value| value.name == p.name) else { continue };
+        let error = p.std_error.map_or("not shown".to_string(), |error| format!("{error:.2e}"));
+        ui.say(format_args!(
+            "{:<12} {:>12.6} {:>12.6} {:>14.6} {:>12}  {}",
+            p.name, true_value.value, p.initial, p.estimate, error, p.unit
+        ));
+    }
+}
