@@ -65,7 +65,7 @@ impl EncoderChip {
 
     /// The hardware counter at a position (rad or m on the link side), counted from `start`; it wraps at 2¹⁶.
     pub fn counter(&self, position: f64, start: i64, noise: &mut Noise) -> u16 {
-        self.counts(position + noise.draw(self.sigma)).wrapping_sub(start) as u16
+        self.counts(position + noise.draw_once_moved(self.sigma)).wrapping_sub(start) as u16
     }
 
     /// Whole counts at a position, without noise and wrap.

@@ -54,6 +54,12 @@ impl Noise {
         self.rng = numbered(self.seed, Purpose::Noise as u64 + self.motions);
     }
 
+    /// One value of standard deviation `sigma` from the first motion on. Before it the robot is held in its marked pose
+    /// and nothing shakes it, so that the zero positions do not depend on the moment at which the host takes them.
+    pub fn draw_once_moved(&mut self, sigma: f64) -> f64 {
+        if self.motions == 0 { 0.0 } else { self.draw(sigma) }
+    }
+
     /// One value of standard deviation `sigma`.
     pub fn draw(&mut self, sigma: f64) -> f64 {
         let unit: f64 = StandardNormal.sample(&mut self.rng);

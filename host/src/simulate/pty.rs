@@ -106,8 +106,7 @@ impl Pty {
     }
 
     /// Whether a host has been heard and has not gone since.
-    #[cfg(test)]
-    fn has_host(&self) -> bool {
+    pub fn has_host(&self) -> bool {
         self.held.is_none()
     }
 

@@ -121,6 +121,11 @@ impl Session {
         self.stalled(|_| true)
     }
 
+    /// Whether a host has sent heartbeats.
+    pub fn was_heard(&self) -> bool {
+        self.heard_tick.is_some()
+    }
+
     /// Whether a fast simulation may take another tick: the host was heard lately, and has worked off what it was told.
     pub fn host_keeps_up(&self) -> bool {
         let heard = self.heard_tick.is_some_and(|tick| self.ticks - tick < HEARTBEAT_TICKS);

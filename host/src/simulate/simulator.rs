@@ -1,9 +1,10 @@
 //! A simulated robot behind a pseudo-terminal, in a thread of its own.
 //!
-//! Time: at `Pace::Real` a tick takes a millisecond of the host's clock. At `Pace::Fast` the same holds while the robot
-//! rests; in a motion the next tick comes as soon as the host has kept up: simulated time waits for its heartbeats and
-//! for what it has worked off, so that a slow machine never trips the device's timeout, and nothing runs ahead without
-//! bound. A host that says nothing for [`PATIENCE`] is taken for gone: time goes on, and the device stops as it should.
+//! Time: at `Pace::Real` a tick takes a millisecond of the host's clock. At `Pace::Fast` a tick of a motion comes as soon
+//! as the host has kept up, and one at rest after a millisecond. There, time waits for the host's heartbeats and for
+//! what it has worked off, so that a slow machine never trips the device's timeout, and nothing runs ahead without
+//! bound. A host that closed the port or says nothing for [`PATIENCE`] is gone: time goes on, and the device stops as
+//! it should.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -21,12 +22,15 @@ use super::session::{FaultCounts, Session};
 use super::{Options, Pace, Plant, SimulateError, Truth};
 use crate::effect::{Hidden, TrueValue};
 
-/// How long a fast simulation waits for a host that says nothing.
+/// How long a motion at fast pace waits for a host that says nothing.
 const PATIENCE: Duration = Duration::from_secs(5);
+/// The same at rest, when the next host may be about to greet.
+const PATIENCE_AT_REST: Duration = Duration::from_millis(300);
 /// A tick of real time.
 const TICK: Duration = Duration::from_millis(1);
-/// A machine that slept is not caught up with: the robot slept as well.
-const MOST_BEHIND: Duration = Duration::from_millis(100);
+/// A machine that stood still for longer is not caught up with: the robot stood still as well. Well below the device's
+/// timeout, since the host's heartbeats stood still too.
+const MOST_BEHIND: Duration = Duration::from_millis(20);
 /// Ticks between looks at the port while time runs fast.
 const BATCH: usize = 8;
 
@@ -154,28 +158,29 @@ fn run(mut session: Session, mut pty: Pty, pace: Pace, stop: &AtomicBool) -> Res
         pty.write(&mut session.to_host)?;
 
         let now = Instant::now();
-        if pace == Pace::Fast && session.in_motion() && !session.in_stall() {
-            if session.host_keeps_up() {
-                (waiting_since, due) = (None, now);
-                for _ in 0..BATCH {
-                    session.tick()?;
-                }
-                continue;
-            }
-            if now - *waiting_since.get_or_insert(now) < PATIENCE {
-                due = now;
-                // The port is written again soon: the host may be waiting for what did not fit.
-                pty.wait(TICK)?;
-                // A heartbeat that came is delivered by the tick that follows it.
-                pty.read(&mut heard)?;
-                if !heard.is_empty() {
-                    session.receive(&mut heard);
-                    session.tick()?;
-                }
-                continue;
-            }
-        } else {
+        let follows = pace == Pace::Fast && pty.has_host() && session.was_heard() && !session.in_stall();
+        if !follows || session.host_keeps_up() {
             waiting_since = None;
+        }
+        if follows && session.host_keeps_up() && session.in_motion() {
+            due = now;
+            for _ in 0..BATCH {
+                session.tick()?;
+            }
+            continue;
+        }
+        let patience = if session.in_motion() { PATIENCE } else { PATIENCE_AT_REST };
+        if follows && !session.host_keeps_up() && now - *waiting_since.get_or_insert(now) < patience {
+            due = now;
+            // What did not fit into the port is offered again soon: the host may be waiting for it.
+            pty.wait(TICK)?;
+            pty.read(&mut heard)?;
+            if !heard.is_empty() {
+                // A heartbeat becomes known by the tick that takes it.
+                session.receive(&mut heard);
+                session.tick()?;
+            }
+            continue;
         }
         if now < due {
             std::thread::sleep(due - now);

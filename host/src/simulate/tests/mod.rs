@@ -1,2 +1,3 @@
 mod plant;
+mod port;
 mod replay;
