@@ -52,8 +52,11 @@ fn preset(preset: Preset) -> &'static str {
     }
 }
 
+/// The true value of a parameter by its name, where it is known.
+pub type Truth<'a> = &'a dyn Fn(&str) -> Option<f64>;
+
 /// Every parameter before and after with its interval. `truth` is the true value of a simulated robot's parameter.
-pub fn parameters(calibration: &Calibration, truth: Option<&dyn Fn(&str) -> Option<f64>>) -> Section {
+pub fn parameters(calibration: &Calibration, truth: Option<Truth<'_>>) -> Section {
     let mut section = Section::new("Parameters");
     let usable = if calibration.status.is_usable() { Tone::Good } else { Tone::Bad };
     section.figures([
