@@ -18,7 +18,7 @@ pub struct Traces {
     /// Motor speed of each joint by the free run, rad/s (m/s).
     pub motor_speed: Vec<Vec<f64>>,
     /// Motor speed of each joint as its encoder shows it: the slope of a straight line through the readings within
-    /// ±[`SLOPE_S`] (NaN near gaps). The encoder's step is too coarse for a difference of neighbours.
+    /// ±`SLOPE_S` (NaN near gaps). The encoder's step is too coarse for a difference of neighbours.
     pub measured_motor_speed: Vec<Vec<f64>>,
     /// Stages of the motion.
     pub stages: Vec<Stage>,

@@ -7,7 +7,7 @@ use std::ops::{Add, AddAssign, Mul, Neg, Sub, SubAssign};
 
 use super::Arithmetic;
 
-/// re + Σ slope[k] ε_k with ε_k ε_l = 0.
+/// `re + Σ slope[k] ε_k` with `ε_k ε_l = 0`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Lanes<const N: usize> {
     /// Value.
