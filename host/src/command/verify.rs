@@ -62,14 +62,17 @@ pub(super) fn verify_failure(error: VerifyError) -> Failure {
     }
 }
 
+fn cell(rmse_sigma: f64) -> String {
+    if rmse_sigma.is_nan() { format!("{:>11}", "–") } else { format!("{rmse_sigma:>11.3}") }
+}
+
 /// The horizons as a table for people: RMSE in sigmas of each sensor.
 pub(super) fn print_table(ui: &Ui, verification: &Verification) {
     let head: Vec<String> = verification.horizons.iter().map(|h| format!("{:>8.0} ms", h.horizon_s * 1e3)).collect();
     ui.say(format_args!("{:<18}{}   RMSE in sigmas of the sensor", "channel", head.join("")));
     let channels = verification.horizons.first().map_or(&[][..], |h| &h.channels);
     for (i, channel) in channels.iter().enumerate() {
-        let row: Vec<String> =
-            verification.horizons.iter().map(|h| format!("{:>11.3}", h.channels[i].rmse_sigma)).collect();
+        let row: Vec<String> = verification.horizons.iter().map(|h| cell(h.channels[i].rmse_sigma)).collect();
         ui.say(format_args!("{:<18}{}", channel.channel, row.join("")));
     }
     let windows: Vec<String> = verification.horizons.iter().map(|h| format!("{:>11}", h.windows)).collect();

@@ -62,7 +62,7 @@ pub fn parameters(calibration: &Calibration, truth: Option<Truth<'_>>) -> Sectio
     section.figures([
         ("iterations", calibration.iterations.to_string(), usable),
         ("computing time", format!("{} s", significant(calibration.seconds.total, 3)), Tone::Plain),
-        ("½ Σ r² over degrees of freedom", significant(calibration.cost / calibration.dof, 4), Tone::Plain),
+        ("χ² per degree of freedom", significant(2.0 * calibration.cost / calibration.dof, 4), Tone::Plain),
     ]);
     let mut table = Table::new().words("parameter").words("unit").numbers("start", "");
     if truth.is_some() {
@@ -95,12 +95,16 @@ pub fn parameters(calibration: &Calibration, truth: Option<Truth<'_>>) -> Sectio
     if !calibration.unobservable.is_empty() {
         section.heading("What these recordings cannot tell");
         section.list(calibration.unobservable.iter().map(|u| {
-            let names: Vec<String> =
-                u.direction.iter().map(|(name, share)| format!("{} {name}", significant(*share, 2))).collect();
+            let names: Vec<String> = u.direction.iter().map(|(name, share)| with_share(name, *share)).collect();
             format!("{}: {}. It is held where it started.", names.join(" + "), u.reason)
         }));
     }
     section
+}
+
+/// A parameter's share of a direction; the whole of it needs no number.
+fn with_share(name: &str, share: f64) -> String {
+    if share > 0.995 { name.to_owned() } else { format!("{} {name}", significant(share, 2)) }
 }
 
 fn estimate(p: &ParameterEstimate) -> Cell {
@@ -268,7 +272,7 @@ mod tests {
         let text = page(&cal).to_html();
         assert!(text.contains("1.6224 ± 0.0017") && text.contains("1.6191 … 1.6257"));
         assert!(text.contains("(not shown by the data)"));
-        assert!(text.contains("1.0 R_imu1[z]: rigid base. It is held where it started."));
+        assert!(text.contains("<li>R_imu1[z]: rigid base. It is held where it started."));
         assert!(text.contains("1 of 2 parameters"));
     }
 

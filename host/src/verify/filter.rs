@@ -30,7 +30,7 @@ pub const SETTLING_S: f64 = 0.1;
 pub const SETTLING_AFTER_BRIDGE_S: f64 = 0.02;
 
 /// Standard deviations tried for the random push on each velocity in one period, rad/s (m/s).
-pub const CANDIDATES: [f64; 5] = [1e-6, 1e-5, 1e-4, 1e-3, 1e-2];
+pub const CANDIDATES: [f64; 6] = [1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1];
 
 /// What the filter allows the model to be wrong by in one step, beside the integrator's own error.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -45,6 +45,7 @@ pub struct Track {
     states: usize,
     values: Vec<f64>,
     settled: Vec<bool>,
+    started: Vec<bool>,
     /// Σ over all readings of −½ (ν²/S + ln S + ln 2π), ν the difference to the prediction, S its variance.
     pub log_likelihood: f64,
     /// Mean of ν²/S: 1 if the filter's uncertainty is the true one.
@@ -61,9 +62,14 @@ impl Track {
         &self.values[k * self.states..(k + 1) * self.states]
     }
 
-    /// Whether enough readings without a gap came before sample k.
+    /// Whether enough readings came before sample k since the last start and the last gap.
     pub fn is_settled(&self, k: usize) -> bool {
         self.settled[k]
+    }
+
+    /// Whether enough readings came before sample k since the last start, gaps that were bridged or not.
+    pub fn has_started(&self, k: usize) -> bool {
+        self.started[k]
     }
 }
 
@@ -102,7 +108,8 @@ pub fn run_with<S: System>(system: &S, columns: &Columns<'_>, noise: ProcessNois
     let mut values = Vec::with_capacity(n * system.states());
     let mut settled = Vec::with_capacity(n);
     let mut restarts = 0usize;
-    let mut settled_at = 0.0_f64;
+    let mut started = Vec::with_capacity(n);
+    let (mut started_at, mut settled_at) = (0.0_f64, 0.0_f64);
     let mut u = vec![0.0; columns.duty.len()];
     for (number, segment) in columns.segments.iter().enumerate() {
         for k in segment.clone() {
@@ -113,7 +120,8 @@ pub fn run_with<S: System>(system: &S, columns: &Columns<'_>, noise: ProcessNois
                     settled_at = settled_at.max(t + SETTLING_AFTER_BRIDGE_S);
                 } else {
                     restarts += 1;
-                    settled_at = t + SETTLING_S;
+                    started_at = t + SETTLING_S;
+                    settled_at = started_at;
                     columns.readings(k, &mut filter.z);
                     filter.start();
                 }
@@ -124,6 +132,7 @@ pub fn run_with<S: System>(system: &S, columns: &Columns<'_>, noise: ProcessNois
             values.extend_from_slice(filter.x.as_slice());
             // Half a period of tolerance, so that rounding of time stamps does not decide.
             settled.push(t > settled_at - 0.5 * columns.period_s);
+            started.push(t > started_at - 0.5 * columns.period_s);
             if k + 1 < segment.end {
                 filter.predict(&u, columns.t_s[k + 1] - t);
             }
@@ -133,6 +142,7 @@ pub fn run_with<S: System>(system: &S, columns: &Columns<'_>, noise: ProcessNois
         states: system.states(),
         values,
         settled,
+        started,
         log_likelihood: filter.log_likelihood,
         mean_nis: filter.squares / filter.readings.max(1) as f64,
         restarts: restarts.saturating_sub(1),

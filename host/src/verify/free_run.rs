@@ -5,7 +5,7 @@
 
 use std::ops::Range;
 
-use super::filter::{BRIDGED_S, Track};
+use super::filter::Track;
 use super::system::{Columns, System};
 
 /// A free run over a whole recording.
@@ -21,8 +21,8 @@ pub struct FreeRun {
     pub left_out: usize,
 }
 
-/// Runs from `first` at sample 0, and after each gap from the first state of `track` that is settled (after a gap that
-/// the filter bridged: at once). Without `first` the run begins as after a long gap.
+/// Runs from `first` at sample 0, and after each gap from the state of `track`: at once if the filter bridged the gap,
+/// else as soon as it has settled. Without `first` the run begins as after a long gap.
 pub fn run<S: System>(system: &S, columns: &Columns<'_>, first: Option<&[f64]>, track: &Track) -> FreeRun {
     let n = columns.len();
     let mut system = system.clone();
@@ -41,10 +41,7 @@ pub fn run<S: System>(system: &S, columns: &Columns<'_>, first: Option<&[f64]>, 
         match first {
             Some(first) if number == 0 => x.copy_from_slice(first),
             _ => {
-                let bridged = number > 0 && columns.t_s[from] - columns.t_s[from - 1] <= BRIDGED_S;
-                if !bridged {
-                    from = segment.clone().find(|&k| track.is_settled(k)).unwrap_or(segment.end);
-                }
+                from = segment.clone().find(|&k| track.has_started(k)).unwrap_or(segment.end);
                 run.left_out += from - segment.start;
                 if from == segment.end {
                     continue;

@@ -125,8 +125,9 @@ impl Verification {
 }
 
 impl HorizonResult {
-    /// The channel that is predicted worst in terms of its sensor's noise.
+    /// The channel that is predicted worst in terms of its sensor's noise; `None` without any window.
     pub fn worst(&self) -> Option<&ChannelError> {
-        self.channels.iter().max_by(|a, b| a.rmse_sigma.total_cmp(&b.rmse_sigma))
+        let compared = self.channels.iter().filter(|c| c.count > 0);
+        compared.max_by(|a, b| a.rmse_sigma.total_cmp(&b.rmse_sigma))
     }
 }

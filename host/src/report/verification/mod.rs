@@ -47,7 +47,7 @@ pub fn sections(verification: &Verification, recording: &Recording, traces: &Tra
 
 fn verdict(verification: &Verification) -> String {
     let Some(worst) = verification.horizon(HEADLINE_S).and_then(|h| h.worst()) else {
-        return "The recording is too short for a prediction over 100 ms.".into();
+        return "No stretch of the recording is long enough without a gap to predict 100 ms ahead.".into();
     };
     let (name, sigmas) = (&worst.channel, significant(worst.rmse_sigma, 3));
     if worst.rmse_sigma <= AS_GOOD_AS_NOISE {
