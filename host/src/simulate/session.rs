@@ -121,7 +121,12 @@ impl Session {
         self.stalled(|_| true)
     }
 
-    /// Whether a host has sent heartbeats.
+    /// The host is gone; the next one speaks for itself.
+    pub fn forget_host(&mut self) {
+        self.heard_tick = None;
+    }
+
+    /// Whether the host that is there has sent heartbeats.
     pub fn was_heard(&self) -> bool {
         self.heard_tick.is_some()
     }

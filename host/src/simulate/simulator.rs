@@ -22,10 +22,8 @@ use super::session::{FaultCounts, Session};
 use super::{Options, Pace, Plant, SimulateError, Truth};
 use crate::effect::{Hidden, TrueValue};
 
-/// How long a motion at fast pace waits for a host that says nothing.
+/// How long the fast pace waits for a host that says nothing.
 const PATIENCE: Duration = Duration::from_secs(5);
-/// The same at rest, when the next host may be about to greet.
-const PATIENCE_AT_REST: Duration = Duration::from_millis(300);
 /// A tick of real time.
 const TICK: Duration = Duration::from_millis(1);
 /// A machine that stood still for longer is not caught up with: the robot stood still as well. Well below the device's
@@ -158,7 +156,10 @@ fn run(mut session: Session, mut pty: Pty, pace: Pace, stop: &AtomicBool) -> Res
         pty.write(&mut session.to_host)?;
 
         let now = Instant::now();
-        let follows = pace == Pace::Fast && pty.has_host() && session.was_heard() && !session.in_stall();
+        if !pty.has_host() {
+            session.forget_host();
+        }
+        let follows = pace == Pace::Fast && session.was_heard() && !session.in_stall();
         if !follows || session.host_keeps_up() {
             waiting_since = None;
         }
@@ -169,8 +170,7 @@ fn run(mut session: Session, mut pty: Pty, pace: Pace, stop: &AtomicBool) -> Res
             }
             continue;
         }
-        let patience = if session.in_motion() { PATIENCE } else { PATIENCE_AT_REST };
-        if follows && !session.host_keeps_up() && now - *waiting_since.get_or_insert(now) < patience {
+        if follows && !session.host_keeps_up() && now - *waiting_since.get_or_insert(now) < PATIENCE {
             due = now;
             // What did not fit into the port is offered again soon: the host may be waiting for it.
             pty.wait(TICK)?;
