@@ -88,7 +88,7 @@ pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
     let captured = ready.run(file.create()?, &interrupt.wished, |now| {
         bar.stage(now.stage.unwrap_or("starting"));
         bar.at(now.per_mille());
-        bar.note(format!("{:.0} Hz, {} lost, {:.0} s at most left", now.rate_hz, now.balance.missing, now.left_s()));
+        bar.note(format!("{:.0} Hz, {} lost", now.rate_hz, now.balance.missing));
     });
     drop(bar);
     let balance = device.balance();

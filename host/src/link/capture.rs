@@ -131,11 +131,6 @@ impl Progress<'_> {
     pub fn per_mille(&self) -> u64 {
         (self.done_s / self.total_s * 1000.0) as u64
     }
-
-    /// How much longer it takes at most, s.
-    pub fn left_s(&self) -> f64 {
-        self.total_s - self.done_s
-    }
 }
 
 /// What was recorded.

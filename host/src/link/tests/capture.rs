@@ -59,7 +59,7 @@ fn a_motion_is_recorded_from_its_first_tick_to_its_last() {
     let mut stages = Vec::new();
     let trial = Trial::of(&peer, &AtomicBool::new(false), |now| {
         stages.extend(now.stage.map(str::to_owned));
-        assert!(now.per_mille() <= 1000 && now.left_s() <= 0.5);
+        assert!(now.per_mille() <= 1000 && now.total_s == 0.5);
     });
     let captured = trial.outcome.as_ref().unwrap();
     let recording = trial.recording();
