@@ -43,7 +43,7 @@ pub enum CalibrateError {
     #[error("no recording was given")]
     NoRecording,
     /// Too short to say anything.
-    #[error("{path} has {samples} samples: a calibration needs at least {least}")]
+    #[error("{path} has {samples} samples in runs without a gap: a calibration needs at least {least}")]
     TooShort {
         /// The recording.
         path: String,
@@ -139,8 +139,9 @@ fn check(robot: &Robot, recordings: &[&Recording], preset: Preset) -> Result<(),
     let first = recordings.first().ok_or(CalibrateError::NoRecording)?;
     for recording in recordings {
         let path = recording.source.path.display().to_string();
-        if recording.len() < FEWEST_SAMPLES {
-            return Err(CalibrateError::TooShort { path, samples: recording.len(), least: FEWEST_SAMPLES });
+        let samples = series::usable_samples(recording);
+        if samples < FEWEST_SAMPLES {
+            return Err(CalibrateError::TooShort { path, samples, least: FEWEST_SAMPLES });
         }
         if recording.robot.name != first.robot.name {
             let (robot, expected) = (recording.robot.name.clone(), first.robot.name.clone());

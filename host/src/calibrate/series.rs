@@ -5,6 +5,10 @@ use std::ops::Range;
 use crate::recording::Recording;
 use crate::robot;
 
+/// Shorter runs between two gaps are left out: a lone sample does not determine its own speeds, and a few say nothing of
+/// the dynamics. With 1 % of the ticks missing they are half a percent of the samples.
+const SHORTEST_RUN: usize = 10;
+
 /// Stages of all recordings one after the other, in the layout that the solver's loop reads.
 #[derive(Debug, Clone)]
 pub struct Series {
@@ -23,6 +27,16 @@ pub struct Series {
     /// The stages at rest at the start of each recording.
     pub rest: Vec<Range<usize>>,
     joints: usize,
+}
+
+/// The runs of a recording that are long enough.
+fn runs(recording: &Recording) -> impl Iterator<Item = Range<usize>> {
+    recording.segments().into_iter().filter(|run| run.len() >= SHORTEST_RUN)
+}
+
+/// Samples of a recording that a calibration can use.
+pub(super) fn usable_samples(recording: &Recording) -> usize {
+    runs(recording).map(|run| run.len()).sum()
 }
 
 impl Series {
@@ -50,21 +64,22 @@ impl Series {
 
     fn push(&mut self, recording: &Recording) {
         let first = self.stages();
-        for k in 0..recording.len() {
-            self.measured.extend(recording.channels.iter().map(|c| c.values[k]));
-            self.input.extend(recording.duty.iter().map(|duty| duty[k]));
-        }
-        let shifted = |range: Range<usize>| first + range.start..first + range.end;
-        for segment in recording.segments() {
+        let rest = recording.rest_window();
+        let mut at_rest = 0;
+        for segment in runs(recording) {
+            let start = self.stages();
             for k in segment.clone() {
+                self.measured.extend(recording.channels.iter().map(|c| c.values[k]));
+                self.input.extend(recording.duty.iter().map(|duty| duty[k]));
                 let last = k + 1 == segment.end;
                 let step_us = if last { f64::NAN } else { (recording.t_us[k + 1] - recording.t_us[k]) as f64 };
                 self.duration_s.push(step_us * 1e-6);
+                at_rest += usize::from(rest.contains(&k));
             }
-            self.segments.push(shifted(segment));
+            self.segments.push(start..self.stages());
         }
-        self.recordings.push(first..first + recording.len());
-        self.rest.push(shifted(recording.rest_window()));
+        self.recordings.push(first..self.stages());
+        self.rest.push(first..first + at_rest);
     }
 
     /// Number of stages.
