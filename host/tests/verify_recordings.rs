@@ -82,7 +82,7 @@ fn print(verification: &Verification) {
     }
     for stage in &verification.free_run.stages {
         let sigmas: Vec<String> = stage.channels.iter().map(|c| format!("{:.3}", c.nrmse)).collect();
-        eprintln!("{:?} {} {:.2}: {}", stage.span_s, stage.label, stage.peak_input, sigmas.join(" "));
+        eprintln!("{:.1} to {:.1} s {}: {}", stage.from_s, stage.to_s, stage.label, sigmas.join(" "));
     }
 }
 

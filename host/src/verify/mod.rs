@@ -172,7 +172,8 @@ pub fn predict(
                     label: stage.label.clone(),
                     joints: stage.joints.iter().map(|&j| model.robot().joints[j].name.clone()).collect(),
                     peak_input: stage.peak_input,
-                    span_s: t_s[stage.samples.start]..t_s[stage.samples.end - 1],
+                    from_s: t_s[stage.samples.start],
+                    to_s: t_s[stage.samples.end - 1],
                     channels: channel_errors(stage.samples.clone()),
                 })
                 .collect(),
@@ -239,10 +240,15 @@ fn rest_state(model: &CalibratedModel, recording: &Recording, columns: &Columns<
 
 /// Stages as the motion's plan names them, if it tells at least three moving ones apart; else from the duty.
 fn stages(model: &CalibratedModel, recording: &Recording, columns: &Columns<'_>) -> Vec<Stage> {
-    if let Some(planned) = planned_stages(recording, columns) {
+    let names: Vec<&str> = model.robot().joints.iter().map(|j| j.name.as_str()).collect();
+    if let Some(mut planned) = planned_stages(recording, columns) {
+        for stage in &mut planned {
+            if let [joint] = stage.joints[..] {
+                stage.label = format!("{}: {} moves", stage.label, names[joint]);
+            }
+        }
         return planned;
     }
-    let names: Vec<&str> = model.robot().joints.iter().map(|j| j.name.as_str()).collect();
     stage::from_duty(&columns.duty, columns.period_s, &names)
 }
 

@@ -1,6 +1,5 @@
 //! The result of `host verify`, as other programs read it.
 
-use std::ops::Range;
 use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
@@ -85,8 +84,10 @@ pub struct StageResult {
     pub joints: Vec<String>,
     /// Largest |input|.
     pub peak_input: f64,
-    /// First and last sample after the first one of the recording, s.
-    pub span_s: Range<f64>,
+    /// Its first sample, s after the first one of the recording.
+    pub from_s: f64,
+    /// Its last sample, s after the first one of the recording.
+    pub to_s: f64,
     /// Error of every channel of the free run.
     pub channels: Vec<ChannelError>,
 }

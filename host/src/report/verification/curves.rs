@@ -185,7 +185,7 @@ fn stage_table(verification: &Verification) -> Table {
         channels.iter().map(cell).collect()
     };
     for stage in run.stages.iter().filter(|s| s.kind != StageKind::Rest) {
-        let span = [format!("{:.1}", stage.span_s.start), format!("{:.1}", stage.span_s.end)];
+        let span = [format!("{:.1}", stage.from_s), format!("{:.1}", stage.to_s)];
         let mut row: Vec<Cell> = vec![stage.label.as_str().into()];
         row.extend(span.map(Cell::from));
         row.extend(errors(&stage.channels));
