@@ -1,0 +1,156 @@
+//! Sensors, and the parameters that gyros bring.
+
+use super::super::file::{SensorKind, SensorTable};
+use super::super::{Encoder, Gyro, Joint, JointKind, Parameter, ParameterSpec, RobotError, Sensor, Symbol, Tachometer};
+use super::checks::{by_kind, by_kind_with, finite, positive, rotation, within};
+use super::{Checked, start_or_fixed};
+
+pub(super) fn gyro_parameters(sensors: &[Sensor]) -> Vec<ParameterSpec> {
+    let gyros = || {
+        sensors.iter().filter_map(|sensor| match sensor {
+            Sensor::Gyro(gyro) => Some(gyro),
+            _ => None,
+        })
+    };
+    let spec = |symbol: Symbol, gyro: usize, axis: usize, value: Parameter| ParameterSpec {
+        name: format!("{}{}[{}]", symbol.name(), gyro + 1, ["x", "y", "z"][axis]),
+        symbol,
+        joints: Vec::new(),
+        unit: symbol.unit(JointKind::Revolute),
+        value,
+    };
+    let mut specs = Vec::new();
+    for (gyro, g) in gyros().enumerate() {
+        for axis in 0..3 {
+            let value =
+                Parameter { start: g.bias_rad_s[axis], free: g.bias_free, simulated: g.bias_simulated_rad_s[axis] };
+            specs.push(spec(Symbol::Bias { gyro, axis }, gyro, axis, value));
+        }
+    }
+    for (gyro, g) in gyros().enumerate() {
+        for axis in 0..3 {
+            let value = Parameter { start: 0.0, free: g.rotation_free, simulated: 0.0 };
+            specs.push(spec(Symbol::Misalignment { gyro, axis }, gyro, axis, value));
+        }
+    }
+    specs
+}
+
+pub(super) fn sensor(at: &str, table: &SensorTable, joints: &[Joint], period_s: f64) -> Checked<Sensor> {
+    let Some(joint) = joints.iter().position(|joint| joint.name == table.joint) else {
+        let known = joints.iter().map(|joint| joint.name.as_str()).collect::<Vec<_>>().join(", ");
+        return Err(RobotError::invalid(
+            format!("{at}.joint"),
+            &table.joint,
+            format!("no such joint; there are {known}"),
+        ));
+    };
+    let kind = joints[joint].kind;
+    let period_us = period_s * 1e6;
+    within(&format!("{at}.offset_us"), table.offset_us, 0.0, period_us, "the sensor is read within the tick")?;
+    let offset_s = table.offset_us * 1e-6;
+    let allowed: &[&str] = match table.kind {
+        SensorKind::MotorEncoder | SensorKind::LinkEncoder => &["counts_per_turn", "sigma_rad", "sigma_m"],
+        SensorKind::Tachometer => &["side", "sigma_rad_s", "sigma_m_s"],
+        SensorKind::Gyro => &["rotation", "bias_rad_s", "sigma_rad_s", "range_rad_s"],
+    };
+    if let Some(stray) = given_fields(table).find(|field| !allowed.contains(field)) {
+        let advice = format!("a {} has no such field; it takes {}", table.kind.name(), allowed.join(", "));
+        return Err(RobotError::invalid(format!("{at}.{stray}"), "given", advice));
+    }
+    let noise = "give the standard deviation of one reading";
+    match table.kind {
+        SensorKind::MotorEncoder | SensorKind::LinkEncoder => {
+            let sigma = by_kind(kind, table.sigma_rad, table.sigma_m, &format!("{at}.sigma"), noise)?;
+            positive(&format!("{at}.sigma"), sigma, noise)?;
+            if table.counts_per_turn == Some(0) {
+                return Err(RobotError::invalid(format!("{at}.counts_per_turn"), 0, "count all four edges of a turn"));
+            }
+            if table.kind == SensorKind::LinkEncoder && kind == JointKind::Prismatic && table.counts_per_turn.is_some()
+            {
+                let advice = "a sliding link makes no turns; leave it out";
+                return Err(RobotError::invalid(format!("{at}.counts_per_turn"), "given", advice));
+            }
+            let encoder = Encoder { joint, counts_per_turn: table.counts_per_turn, sigma, offset_s };
+            Ok(if table.kind == SensorKind::MotorEncoder {
+                Sensor::MotorEncoder(encoder)
+            } else {
+                Sensor::LinkEncoder(encoder)
+            })
+        }
+        SensorKind::Tachometer => {
+            let fields = ((table.sigma_rad_s, "sigma_rad_s"), (table.sigma_m_s, "sigma_m_s"));
+            let sigma = by_kind_with(kind, fields.0, fields.1, at, noise)?;
+            positive(&format!("{at}.sigma"), sigma, noise)?;
+            let Some(side) = table.side else {
+                let advice = "say whose speed it measures: \"motor\" or \"link\"";
+                return Err(RobotError::invalid(format!("{at}.side"), "missing", advice));
+            };
+            Ok(Sensor::Tachometer(Tachometer { joint, side, sigma, offset_s }))
+        }
+        SensorKind::Gyro => gyro(at, table, joint, offset_s),
+    }
+}
+
+fn gyro(at: &str, table: &SensorTable, body: usize, offset_s: f64) -> Checked<Sensor> {
+    let missing = |field: &str, advice: &str| RobotError::invalid(format!("{at}.{field}"), "missing", advice);
+    let given = table.rotation.ok_or_else(|| {
+        missing("rotation", "give `{ start = [[…], […], […]] }`, the nominal rotation from body to sensor axes")
+    })?;
+    let (nominal, rotation_free) = start_or_fixed(&format!("{at}.rotation"), given)?;
+    if given.simulated.is_some() {
+        let advice = "a simulated sensor is mounted within a few degrees of its nominal rotation; leave it out";
+        return Err(RobotError::invalid(format!("{at}.rotation.simulated"), "given", advice));
+    }
+    let given = table
+        .bias_rad_s
+        .ok_or_else(|| missing("bias_rad_s", "give `{ start = [0.0, 0.0, 0.0] }` if nothing is known"))?;
+    let (bias_rad_s, bias_free) = start_or_fixed(&format!("{at}.bias_rad_s"), given)?;
+    finite(&format!("{at}.bias_rad_s"), &bias_rad_s)?;
+    let bias_simulated_rad_s = given.simulated.unwrap_or(bias_rad_s);
+    finite(&format!("{at}.bias_rad_s.simulated"), &bias_simulated_rad_s)?;
+    let noise = "give the standard deviation of one reading in rad/s";
+    let sigma_rad_s = table.sigma_rad_s.ok_or_else(|| missing("sigma_rad_s", noise))?;
+    positive(&format!("{at}.sigma_rad_s"), sigma_rad_s, noise)?;
+    if let Some(range) = table.range_rad_s {
+        positive(&format!("{at}.range_rad_s"), range, "give the full scale in rad/s")?;
+    }
+    Ok(Sensor::Gyro(Gyro {
+        body,
+        rotation: rotation(&format!("{at}.rotation"), nominal)?,
+        rotation_free,
+        bias_rad_s,
+        bias_free,
+        bias_simulated_rad_s,
+        sigma_rad_s,
+        range_rad_s: table.range_rad_s,
+        offset_s,
+    }))
+}
+
+fn given_fields(table: &SensorTable) -> impl Iterator<Item = &'static str> {
+    [
+        (table.counts_per_turn.is_some(), "counts_per_turn"),
+        (table.sigma_rad.is_some(), "sigma_rad"),
+        (table.sigma_m.is_some(), "sigma_m"),
+        (table.sigma_rad_s.is_some(), "sigma_rad_s"),
+        (table.sigma_m_s.is_some(), "sigma_m_s"),
+        (table.side.is_some(), "side"),
+        (table.rotation.is_some(), "rotation"),
+        (table.bias_rad_s.is_some(), "bias_rad_s"),
+        (table.range_rad_s.is_some(), "range_rad_s"),
+    ]
+    .into_iter()
+    .filter_map(|(given, field)| given.then_some(field))
+}
+
+pub(super) fn same_place(a: &Sensor, b: &Sensor) -> bool {
+    match (a, b) {
+        (Sensor::MotorEncoder(a), Sensor::MotorEncoder(b)) | (Sensor::LinkEncoder(a), Sensor::LinkEncoder(b)) => {
+            a.joint == b.joint
+        }
+        (Sensor::Tachometer(a), Sensor::Tachometer(b)) => a.joint == b.joint && a.side == b.side,
+        // A body may carry several gyros.
+        _ => false,
+    }
+}
