@@ -128,7 +128,9 @@ impl Device {
         }
         if let State::Fault(fault) = status.state {
             tracing::warn!("the device had a latched fault: {fault}");
-            self.ask("clear its fault", Command::ClearFault)?;
+            // The device clears nothing while it hears no heartbeats.
+            self.beat()?;
+            self.insist("clear its fault", || Command::ClearFault)?;
         }
         self.shared.established.store(true, Relaxed);
         Ok(())
@@ -170,24 +172,25 @@ impl Device {
             stream.on = true;
             stream.ledger = Default::default();
         }
+        self.beat()?;
+        self.ask("send samples", Command::Stream { on: true })
+    }
+
+    /// Sends heartbeats from now on.
+    fn beat(&mut self) -> Result<(), LinkError> {
         if self.pulse.is_none() {
             let pulse = Pulse::start(Arc::clone(&self.outgoing), self.hello.tick_us);
             self.pulse = Some(pulse.map_err(|source| LinkError::Gone { port: self.shared.port.clone(), source })?);
         }
-        self.ask("send samples", Command::Stream { on: true })
+        Ok(())
     }
 
-    /// Plays the uploaded motion from the next tick on.
-    ///
-    /// # Errors
-    /// [`LinkError::Refused`] with the reason.
-    pub fn start(&mut self, motion: MotionId) -> Result<(), LinkError> {
-        self.at_rest = false;
+    /// Asks again where the device refuses because it missed heartbeats: the next ones are under way.
+    fn insist(&mut self, wish: &'static str, command: impl Fn() -> Command) -> Result<(), LinkError> {
         let mut attempts = 0;
         loop {
-            let outcome = self.ask("start the motion", Command::Start { motion, at_seq: None });
+            let outcome = self.ask(wish, command());
             match &outcome {
-                // A heartbeat was lost on the line: the next ones are under way.
                 Err(LinkError::Refused { refusal, .. })
                     if **refusal == Refusal::Fault(Fault::HeartbeatLost) && attempts < ATTEMPTS =>
                 {
@@ -197,6 +200,15 @@ impl Device {
                 _ => return outcome,
             }
         }
+    }
+
+    /// Plays the uploaded motion from the next tick on.
+    ///
+    /// # Errors
+    /// [`LinkError::Refused`] with the reason.
+    pub fn start(&mut self, motion: MotionId) -> Result<(), LinkError> {
+        self.at_rest = false;
+        self.insist("start the motion", || Command::Start { motion, at_seq: None })
     }
 
     /// The next thing that the device sent, or `None` if nothing came in time. Call it often: heartbeats tell the

@@ -9,6 +9,9 @@ use super::border::Border;
 use super::factor::{Factor, SolveError};
 use super::{LeastSquares, Step};
 
+/// Damping from which on a small change of the cost is no sign of a minimum.
+const HEAVY_DAMPING: f64 = 1e-2;
+
 /// When to stop, how much to damp, how many threads to use.
 #[derive(Debug, Clone)]
 pub struct Settings {
@@ -152,14 +155,15 @@ pub fn minimise<P: LeastSquares>(
         let clock = Instant::now();
         let mut accepted = None;
         let mut trials = 0;
-        let mut promised = 0.0;
+        // What an undamped step promises: half the Newton decrement, whatever the damping of the trials.
+        let undamped_promise = states_promise + border.step(0.0).map_or(f64::INFINITY, |(_, promise)| promise);
         while trials < 12 {
             trials += 1;
             let Some((shared, border_promise)) = border.step(damping) else {
                 damping = (damping * 10.0).max(1e-12);
                 continue;
             };
-            promised = states_promise + border_promise;
+            let promised = states_promise + border_promise;
             let step: Step = factor.back_substitute(&shared, settings.threads);
             let trial = problem.retract(&point, &step);
             let trial_cost = total_cost(problem, &trial, settings.threads);
@@ -176,14 +180,14 @@ pub fn minimise<P: LeastSquares>(
                 };
                 break;
             }
-            if promised <= 1e-12 * cost.abs() {
+            if undamped_promise <= 1e-12 * cost.abs() {
                 break;
             }
             damping = (damping * 10.0).max(1e-9);
         }
         seconds.solve += clock.elapsed().as_secs_f64();
         let Some((trial, trial_cost, used)) = accepted else {
-            if promised <= settings.relative_cost_change * cost {
+            if undamped_promise <= settings.relative_cost_change * cost {
                 status = Status::Converged;
                 break;
             }
@@ -193,7 +197,7 @@ pub fn minimise<P: LeastSquares>(
                 damping = settings.initial_damping;
                 continue;
             }
-            status = if promised <= 1e3 * settings.relative_cost_change * cost {
+            status = if undamped_promise <= 1e3 * settings.relative_cost_change * cost {
                 Status::Almost
             } else {
                 Status::NoProgress
@@ -206,7 +210,8 @@ pub fn minimise<P: LeastSquares>(
         let iteration = Iteration { cost, damping: used, trials };
         progress(iterations.len() + 1, &iteration);
         iterations.push(iteration);
-        if change < settings.relative_cost_change {
+        // A heavily damped step changes little anywhere: it says nothing of the minimum.
+        if change < settings.relative_cost_change && used <= HEAVY_DAMPING && state_damping <= 1e-9 {
             status = Status::Converged;
             break;
         }
