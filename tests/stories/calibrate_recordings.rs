@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use tests::{calibrate_run, estimate, host_succeeds, parameter, recordings};
+use tests::{calibrate_run, estimate, host_succeeds, json, parameter, recordings};
 
 /// Name and true value of the dynamic parameters.
 type Truth = [(&'static str, f64); 12];
@@ -69,6 +69,30 @@ fn the_default_preset_finds_every_parameter_of_the_clean_recording() {
         let chi2 = noise["chi2_per_dof"].as_f64().unwrap();
         // 0.96 to 1.03 measured: the states swallow next to nothing.
         assert!((0.93..1.06).contains(&chi2), "{}: {chi2}", noise["channel"]);
+    }
+}
+
+#[test]
+fn a_calibrated_model_predicts_another_motion_to_the_noise() {
+    let Some(folder) = recordings("prediction of another motion") else { return };
+    let scratch = tempfile::tempdir().unwrap();
+    let [cal_run, val_run, cal, ver] =
+        ["cal.mcap", "val.mcap", "cal.json", "ver.json"].map(|name| scratch.path().join(name));
+    for (table, run) in [("calibration", &cal_run), ("validation", &val_run)] {
+        let table = folder.join(format!("clean/{table}.csv.gz"));
+        host_succeeds([Path::new("import"), &table, Path::new("-o"), run]);
+    }
+    host_succeeds([Path::new("calibrate"), &cal_run, Path::new("-o"), &cal]);
+    host_succeeds([Path::new("verify"), &cal, &val_run, Path::new("-o"), &ver]);
+    let ver = json(&ver);
+    let horizons = ver["horizons"].as_array().unwrap();
+    let at_100_ms = horizons.iter().find(|h| h["horizon_s"] == 0.1).unwrap();
+    let channels = at_100_ms["channels"].as_array().unwrap();
+    assert_eq!(channels.len(), 9);
+    for channel in channels {
+        let sigmas = channel["rmse_sigma"].as_f64().unwrap();
+        // Measured: 0.98 to 1.05.
+        assert!((0.9..1.10).contains(&sigmas), "{}: {sigmas} σ", channel["channel"]);
     }
 }
 

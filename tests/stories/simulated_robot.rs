@@ -98,3 +98,50 @@ fn the_one_joint_robot_is_calibrated_as_well() {
     eprintln!("one joint: worst {:.4} % ({})", 100.0 * worst.1, worst.0);
     assert!(worst.1.abs() < 0.01, "{shares:?}");
 }
+
+#[test]
+fn the_demonstration_goes_the_whole_way() {
+    let scratch = tempfile::tempdir().unwrap();
+    let out = scratch.path().join("demo");
+    let said = host_succeeds([Path::new("demo"), Path::new("--out"), &out, Path::new("--seed"), Path::new("2")]);
+    assert!(said.contains("farthest from its truth"), "{said}");
+    for file in ["calibration.mcap", "validation.mcap", "calibration.json", "demo.html"] {
+        assert!(out.join(file).exists(), "{file} is missing:\n{said}");
+    }
+    let page = std::fs::read_to_string(out.join("demo.html")).unwrap();
+    assert!(page.contains("k_s[2]") && page.contains("truth"), "the page compares with the truth");
+    // Run again, it overwrites nothing.
+    let again = tests::run_host([Path::new("demo"), Path::new("--out"), &out]);
+    assert_eq!(again.status.code(), Some(2), "{}", String::from_utf8_lossy(&again.stderr));
+}
+
+#[test]
+fn a_robot_whose_motion_was_stopped_by_silence_can_be_recorded_again() {
+    let scratch = tempfile::tempdir().unwrap();
+    let link = scratch.path().join("port");
+    let mut simulator = tests::host()
+        .args(["simulate", "--seed", "4", "--pace", "fast", "--fault", "stall-in=0.3@5", "--link"])
+        .arg(&link)
+        .stdout(std::process::Stdio::null())
+        .stderr(std::process::Stdio::null())
+        .spawn()
+        .unwrap();
+    for _ in 0..200 {
+        if link.exists() {
+            break;
+        }
+        std::thread::sleep(std::time::Duration::from_millis(50));
+    }
+    let record = |name: &str| {
+        let run = scratch.path().join(name);
+        let arguments =
+            [Path::new("record"), Path::new("--port"), &link, Path::new("--motion"), Path::new("validation")];
+        tests::run_host(arguments.into_iter().chain([Path::new("--set-zero"), Path::new("-o"), &run]))
+    };
+    let (first, second) = (record("first.mcap"), record("second.mcap"));
+    simulator.kill().unwrap();
+    simulator.wait().unwrap();
+    let said = String::from_utf8_lossy(&first.stderr);
+    assert!(!first.status.success() && said.contains("heartbeat"), "{said}");
+    assert!(second.status.success(), "{}", String::from_utf8_lossy(&second.stderr));
+}

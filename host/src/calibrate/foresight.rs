@@ -6,12 +6,13 @@
 
 use crate::calibrate::observability::{self, Held};
 use crate::model::Model;
-use crate::recording::Recording;
+use crate::recording::check::{About, Check, Finding};
+use crate::recording::{Recording, Severity};
 use crate::robot::Robot;
 use crate::solve::border::Border;
 use crate::solve::factor::{Factor, SolveError};
 
-use super::{CalibrateError, Preset, Problem, Series, Unobservable, WEAK_INFORMATION, check, start, summary};
+use super::{CalibrateError, Preset, Problem, Series, Unobservable, WEAK_INFORMATION, start, summary};
 
 /// What a calibration can be expected to say.
 #[derive(Debug, Clone, PartialEq)]
@@ -40,9 +41,9 @@ pub struct Expected {
 /// # Errors
 /// As a calibration's own.
 pub fn foresee(robot: &Robot, recording: &Recording) -> Result<Foresight, CalibrateError> {
-    check(robot, &[recording], Preset::Default)?;
+    super::check(robot, &[recording], Preset::Default)?;
     let model = Model::new(robot);
-    let series = Series::of(&[recording]);
+    let series = Series::of(robot, &[recording]);
     let problem = Problem::new(&model, robot, &series, Preset::Default.assumptions());
     let mut held = observability::structural(&model, robot, problem.border());
     let start = start::start(&model, robot, &series);
@@ -63,4 +64,42 @@ pub fn foresee(robot: &Robot, recording: &Recording) -> Result<Foresight, Calibr
         .map(|p| Expected { name: p.name, unit: p.unit, start: p.initial, std_error: p.std_error })
         .collect();
     Ok(Foresight { parameters, unobservable: summary::unobservable(robot, &problem, &start, &held) })
+}
+
+/// A parameter whose expected standard error is a larger share of its start value than this is hardly shown by the motion.
+const WORST_SHARE: f64 = 0.05;
+/// A gyro's bias has no size of its own: an error of a tenth of a degree per second is what a look at the rest window gives.
+const WORST_BIAS_RAD_S: f64 = 1e-3;
+/// Nor has a gyro's rotation: a mounting by eye is good to some degrees, a calibration should be ten times better.
+const WORST_TURN_RAD: f64 = 5e-3;
+
+/// Adds to a check what a calibration will not be able to tell.
+pub fn look(recording: &Recording, check: &mut Check) {
+    let mut add = |severity, message, advice: &str| {
+        let (about, advice) = (About::Identifiability, advice.to_string());
+        check.add(Finding { severity, about, channel: None, message, advice });
+    };
+    let foresight = match foresee(&recording.robot, recording) {
+        Ok(foresight) => foresight,
+        Err(error) => return add(Severity::Error, error.to_string(), "see the other findings, and the robot file"),
+    };
+    for unobservable in foresight.unobservable {
+        let names: Vec<_> = unobservable.direction.into_iter().map(|(name, _)| name).collect();
+        let message = format!("{} will be given no number: {}", names.join(", "), unobservable.reason);
+        add(Severity::Note, message, "nothing to do unless you need it; it is held at its nominal value");
+    }
+    for p in foresight.parameters {
+        let Some(error) = p.std_error else { continue };
+        let worst = match p.unit.as_str() {
+            "rad" => WORST_TURN_RAD,
+            "rad/s" => WORST_BIAS_RAD_S,
+            _ => WORST_SHARE * p.start.abs(),
+        };
+        if error > worst {
+            let message = format!("{} is hardly shown: expected ± {error:.2e} {} at {:.4}", p.name, p.unit, p.start);
+            let advice = "move the joint more: slow moves with reversals for mu, fast ones and a chirp for k_s and d_s, \
+                          large angles of all joints for a gyro's rotation, rest before the motion for its bias";
+            add(Severity::Warning, message, advice);
+        }
+    }
 }

@@ -6,7 +6,7 @@
 //! ```
 
 mod chained;
-mod foresight;
+pub mod foresight;
 mod observability;
 mod point;
 mod preset;
@@ -15,8 +15,9 @@ mod result;
 mod series;
 mod start;
 mod summary;
+#[cfg(test)]
+mod tests;
 
-pub use foresight::{Expected, Foresight, foresee};
 pub use observability::{Unobservable, comparable_misalignments};
 pub use point::{BorderLayout, Point};
 pub use preset::{Assumptions, GyroRows, InitialNoise, Preset, ProcessNoise};
@@ -62,6 +63,18 @@ pub enum CalibrateError {
         /// The robot of the first one.
         expected: String,
     },
+    /// A recording that does not have the columns of the description.
+    #[error("{path} has the columns {found}, the description of `{robot}` wants {expected}")]
+    DifferentColumns {
+        /// The recording.
+        path: String,
+        /// Its columns.
+        found: String,
+        /// The robot.
+        robot: String,
+        /// Its columns.
+        expected: String,
+    },
     /// The motor encoders are the only channels that every method needs.
     #[error("joint {joint} (`{name}`) has no position sensor: its state cannot be found")]
     NoPosition {
@@ -97,7 +110,7 @@ pub fn calibrate(
     let begin = Instant::now();
     check(robot, recordings, preset)?;
     let model = Model::new(robot);
-    let series = Series::of(recordings);
+    let series = Series::of(robot, recordings);
     let problem = Problem::new(&model, robot, &series, preset.assumptions());
     let mut held = observability::structural(&model, robot, problem.border());
     let clock = Instant::now();
@@ -128,6 +141,7 @@ pub fn calibrate(
     }
     calibration.seconds = Seconds {
         start: start_seconds,
+        linearise: solution.seconds.linearise,
         factor: solution.seconds.factor,
         solve: solution.seconds.solve,
         total: begin.elapsed().as_secs_f64(),
@@ -135,10 +149,23 @@ pub fn calibrate(
     Ok(calibration)
 }
 
+/// The columns of a table with so many inputs and these channels.
+fn columns(inputs: usize, channels: &[crate::robot::Channel]) -> String {
+    let inputs = (1..=inputs).map(|i| format!("u{i}"));
+    inputs.chain(channels.iter().map(|channel| channel.column.clone())).collect::<Vec<_>>().join(",")
+}
+
 fn check(robot: &Robot, recordings: &[&Recording], preset: Preset) -> Result<(), CalibrateError> {
     let first = recordings.first().ok_or(CalibrateError::NoRecording)?;
+    let expected = columns(robot.joints.len(), &robot.channels());
     for recording in recordings {
         let path = recording.source.path.display().to_string();
+        let specs: Vec<_> = recording.channels.iter().map(|channel| channel.spec.clone()).collect();
+        let found = columns(recording.duty.len(), &specs);
+        if found != expected {
+            let robot = robot.name.clone();
+            return Err(CalibrateError::DifferentColumns { path, found, robot, expected });
+        }
         let samples = series::usable_samples(recording);
         if samples < FEWEST_SAMPLES {
             return Err(CalibrateError::TooShort { path, samples, least: FEWEST_SAMPLES });
@@ -148,9 +175,10 @@ fn check(robot: &Robot, recordings: &[&Recording], preset: Preset) -> Result<(),
             return Err(CalibrateError::DifferentRobot { path, robot, expected });
         }
     }
+    let channels = robot.channels();
     let sees = |joint: usize| {
-        first.channels.iter().any(|channel| {
-            matches!(channel.spec.kind,
+        channels.iter().any(|channel| {
+            matches!(channel.kind,
                 ChannelKind::MotorPosition { joint: j } | ChannelKind::LinkPosition { joint: j } if j == joint)
         })
     };

@@ -61,11 +61,13 @@ pub(super) struct GyroRow {
 }
 
 impl RowPlan {
-    pub(super) fn of(series: &Series, model: &Model) -> Self {
+    /// The paper takes all readings at the tick itself.
+    pub(super) fn of(series: &Series, model: &Model, gyro_rows: GyroRows) -> Self {
         let layout = model.layout();
         let mut plan = RowPlan::default();
         for (channel, spec) in series.channels.iter().enumerate() {
-            let (offset_s, weight) = (spec.offset_s, 1.0 / spec.sigma);
+            let offset_s = if gyro_rows == GyroRows::Chained { 0.0 } else { spec.offset_s };
+            let weight = 1.0 / spec.sigma;
             let component = match spec.kind {
                 ChannelKind::MotorPosition { joint } => layout.theta(joint),
                 ChannelKind::LinkPosition { joint } => layout.q(joint),
@@ -99,7 +101,7 @@ impl<'m> Problem<'m> {
     /// The problem of `series` under `model`.
     pub fn new(model: &'m Model, robot: &Robot, series: &'m Series, assumptions: Assumptions) -> Self {
         let layout = model.layout();
-        let noise = assumptions.process;
+        let noise = assumptions.process.over(robot.sample_period_s);
         let mut process_weight = vec![0.0; layout.size()];
         for i in 0..layout.joints() {
             process_weight[layout.q(i)] = 1.0 / noise.position;
@@ -114,8 +116,8 @@ impl<'m> Problem<'m> {
             gyros: robot.gyros().count(),
             recordings: series.recordings.len(),
         };
-        let rows = RowPlan::of(series, model);
-        let late = series.channels.iter().any(|c| c.offset_s != 0.0);
+        let rows = RowPlan::of(series, model, assumptions.gyro_rows);
+        let late = rows.scalars.iter().any(|r| r.offset_s != 0.0) || rows.gyros.iter().any(|r| r.offset_s != 0.0);
         Problem { model, series, assumptions, border, rows, process_weight, late }
     }
 
@@ -240,6 +242,20 @@ impl<'m> Problem<'m> {
                 });
             }
         }
+    }
+
+    /// The sensor rows of stage k as `[∂r/∂x | ∂r/∂p]`, for tests.
+    #[cfg(test)]
+    pub(super) fn dense_rows(&self, point: &Point<'m>, k: usize) -> Vec<Vec<f64>> {
+        let (size, joints) = (self.stage_size(), self.model.layout().joints());
+        let mut list = Vec::new();
+        self.sensor_rows(point, k, &mut self.scratch(), true, &mut |row| {
+            let mut slopes = vec![0.0; size + self.border_size()];
+            let (dx, dp) = slopes.split_at_mut(size);
+            row.depends.fill(row.weight, row.linear, size, joints, dx, dp);
+            list.push(slopes);
+        });
+        list
     }
 
     /// What is known of the first state of a run: (component, reference component or value, 1/σ) → residual and gradient.

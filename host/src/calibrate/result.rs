@@ -85,7 +85,9 @@ pub struct RecordingUsed {
 pub struct Seconds {
     /// First guess of the states.
     pub start: f64,
-    /// Linearising and eliminating the states, in one sweep.
+    /// Residuals with their derivatives.
+    pub linearise: f64,
+    /// Eliminating the states.
     pub factor: f64,
     /// Trial steps.
     pub solve: f64,

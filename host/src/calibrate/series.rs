@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use crate::recording::Recording;
-use crate::robot;
+use crate::robot::{self, Robot};
 
 /// Shorter runs between two gaps are left out: a lone sample does not determine its own speeds, and a few say nothing of
 /// the dynamics. With 1 % of the ticks missing they are half a percent of the samples.
@@ -40,11 +40,9 @@ pub(super) fn usable_samples(recording: &Recording) -> usize {
 }
 
 impl Series {
-    /// Joins recordings of the same robot.
-    pub fn of(recordings: &[&Recording]) -> Self {
-        let (channels, joints) = recordings
-            .first()
-            .map_or((Vec::new(), 0), |r| (r.channels.iter().map(|c| c.spec.clone()).collect(), r.duty.len()));
+    /// Joins recordings of `robot`, whose description says what their columns mean.
+    pub fn of(robot: &Robot, recordings: &[&Recording]) -> Self {
+        let (channels, joints) = (robot.channels(), robot.joints.len());
         let stages = recordings.iter().map(|r| r.len()).sum();
         let mut series = Series {
             measured: Vec::with_capacity(stages * channels.len()),
@@ -80,6 +78,26 @@ impl Series {
         }
         self.recordings.push(first..self.stages());
         self.rest.push(first..first + at_rest);
+    }
+
+    /// Random readings around zero for tests: `rest` stages without input, then random input.
+    #[cfg(test)]
+    pub(super) fn made_up(robot: &Robot, stages: usize, rest: usize) -> Self {
+        use rand::{RngExt, SeedableRng};
+        let mut rng = rand::rngs::StdRng::seed_from_u64(1);
+        let (channels, joints) = (robot.channels(), robot.joints.len());
+        Series {
+            measured: (0..stages * channels.len()).map(|_| rng.random_range(-0.5..0.5)).collect(),
+            input: (0..stages * joints)
+                .map(|i| if i < rest * joints { 0.0 } else { rng.random_range(-0.9..0.9) })
+                .collect(),
+            duration_s: (0..stages).map(|k| if k + 1 < stages { 1e-3 } else { f64::NAN }).collect(),
+            recordings: std::iter::once(0..stages).collect(),
+            segments: std::iter::once(0..stages).collect(),
+            rest: std::iter::once(0..rest).collect(),
+            channels,
+            joints,
+        }
     }
 
     /// Number of stages.

@@ -109,7 +109,7 @@ pub(super) fn summarise<'m>(
         iterations: solution.iterations.len(),
         cost: solution.cost,
         dof: problem.row_count(end) as f64 - unknowns as f64,
-        seconds: Seconds { start: 0.0, factor: 0.0, solve: 0.0, total: 0.0 },
+        seconds: Seconds { start: 0.0, linearise: 0.0, factor: 0.0, solve: 0.0, total: 0.0 },
         parameters: estimates(robot, problem, start, end, border, held),
         unobservable: unobservable(robot, problem, end, held),
         rotations,

@@ -39,6 +39,11 @@ pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
         .collect::<Result<Vec<Recording>, _>>()?;
     let robot = other.unwrap_or_else(|| recordings[0].robot.clone()); // clap asks for at least one recording
     let recordings: Vec<&Recording> = recordings.iter().collect();
+    for recording in &recordings {
+        for damage in &recording.damage {
+            ui.say(format_args!("{}: {damage}", recording.source.path.display()));
+        }
+    }
     let calibration = solve(&robot, &recordings, args.preset, ui)?;
     print_table(ui, &calibration);
     let mut page = report::calibration::page(&calibration);
@@ -69,6 +74,9 @@ pub(super) fn calibrate_failure(error: CalibrateError) -> Failure {
             .advice("`host check` says whether the recording is fit; look for a wrong unit or a wrong robot file"),
         CalibrateError::TooShort { .. } => Failure::data(error).advice("record the whole calibration motion"),
         CalibrateError::DifferentRobot { .. } => Failure::data(error),
+        CalibrateError::DifferentColumns { .. } => {
+            Failure::data(error).advice("give the description of the robot that was recorded, or leave --robot out")
+        }
         CalibrateError::NoPosition { .. } => {
             Failure::data(error).advice("add the joint's encoder to the robot file and to the recording")
         }

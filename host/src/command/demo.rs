@@ -7,7 +7,7 @@ use super::calibrate::{print_table, solve};
 use super::simulate::simulate_failure;
 use super::verify::verify_failure;
 use super::{Exit, Failure, NewFile, Ui, read_failure, robot_failure};
-use crate::calibrate::{self, Calibration, Preset};
+use crate::calibrate::{self, Calibration, Preset, foresight};
 use crate::effect::TrueValue;
 use crate::recording::check::check;
 use crate::recording::{self, Recording};
@@ -39,6 +39,9 @@ pub struct Args {
 /// The robot of the demonstration.
 const ROBOT: &str = "doggy";
 
+/// A dynamic parameter farther from its truth than this was not found.
+const WORST_SHARE: f64 = 0.01;
+
 /// Simulates, records twice, checks, calibrates, verifies, compares with the truth.
 pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
     let folder = folder(args.out.as_deref())?;
@@ -57,11 +60,15 @@ pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
     simulator.finish().map_err(simulate_failure)?;
 
     ui.say("3. Checking");
-    let checked = check(&calibration_run);
+    let mut checked = check(&calibration_run);
+    foresight::look(&calibration_run, &mut checked);
     for finding in &checked.findings {
         ui.say(format_args!("{}: {}", finding.severity.name(), finding.message));
     }
-    ui.say(if checked.usable { "fit for calibration" } else { "not fit for calibration" });
+    if !checked.usable {
+        return Err(Failure::data("the recording of the simulated robot is not fit for calibration"));
+    }
+    ui.say("fit for calibration");
     ui.say("4. Calibrating");
     let calibration = solve(&robot, &[&calibration_run], Preset::Default, ui)?;
     print_table(ui, &calibration);
@@ -73,13 +80,18 @@ pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
     super::verify::print_table(ui, &verification);
 
     ui.say("6. Against the truth");
-    compare(ui, &calibration, &truth);
+    let worst = compare(ui, &calibration, &truth);
     let text = serde_json::to_string_pretty(&calibration).map_err(Failure::fault)? + "\n";
     cal_file.finish_with(text.as_bytes())?;
     let page = report::demo::page(&calibration, &truth, &validation_run, &verification, &traces).to_html();
     page_file.finish_with(page.as_bytes())?;
+    ui.say(format_args!("the parameter farthest from its truth is {:.4} % off", 100.0 * worst));
     ui.say(format_args!("the page: {}", page_path.display()));
-    Ok(if calibration.status.is_usable() { Exit::Ok } else { Exit::NoConvergence })
+    Ok(match calibration.status.is_usable() {
+        true if worst < WORST_SHARE => Exit::Ok,
+        true => Exit::NotFound,
+        false => Exit::NoConvergence,
+    })
 }
 
 /// The folder that was asked for, or a new one.
@@ -131,8 +143,9 @@ fn comparable(robot: &Robot, truth: &[TrueValue]) -> Vec<TrueValue> {
     truth
 }
 
-/// Truth, start and estimate ± error of every parameter.
-fn compare(ui: &Ui, calibration: &Calibration, truth: &[TrueValue]) {
+/// Truth, start and estimate ± error of every parameter; gives the largest relative error of a parameter of the dynamics.
+fn compare(ui: &Ui, calibration: &Calibration, truth: &[TrueValue]) -> f64 {
+    let mut worst: f64 = 0.0;
     ui.say(format_args!(
         "{:<12} {:>12} {:>12} {:>14} {:>12}  unit",
         "parameter", "truth", "start", "estimate", "± error"
@@ -144,5 +157,9 @@ fn compare(ui: &Ui, calibration: &Calibration, truth: &[TrueValue]) {
             "{:<12} {:>12.6} {:>12.6} {:>14.6} {:>12}  {}",
             p.name, true_value.value, p.initial, p.estimate, error, p.unit
         ));
+        if !p.name.starts_with("bias") && !p.name.starts_with("R_imu") {
+            worst = worst.max((p.estimate / true_value.value - 1.0).abs());
+        }
     }
+    worst
 }

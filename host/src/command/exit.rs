@@ -7,8 +7,7 @@ use std::process::ExitCode;
 /// The end of the help text: other programs are written against these numbers.
 pub const HELP: &str = "\
 Exit codes: 0 ok, 1 a fault of the program, 2 usage, 3 device or I/O, 4 data unusable, 5 no convergence;
-diagnose: 0 nothing found, 10 named, 11 unknown cause, 12 not separable with this motion;
-demo: 0 found what was hidden, 13 did not.";
+demo: 13 the estimates do not meet the truth.";
 
 /// What the process answers to its caller. The numbers are a public interface and never change.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -26,13 +25,7 @@ pub enum Exit {
     Data = 4,
     /// The solver ended without an answer.
     NoConvergence = 5,
-    /// diagnose: something is wrong with the model, and its cause has a name.
-    Named = 10,
-    /// diagnose: something is wrong with the model, and no effect of the catalogue explains it.
-    UnknownCause = 11,
-    /// diagnose: several effects explain it, and this motion cannot tell them apart.
-    NotSeparable = 12,
-    /// demo: what was hidden was not found.
+    /// demo: the estimates do not meet the truth.
     NotFound = 13,
 }
 

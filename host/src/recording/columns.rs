@@ -99,7 +99,7 @@ impl Recording {
     /// Ticks for which there is no sample, between the first and the last one.
     pub fn missing_ticks(&self) -> u64 {
         match (self.seq.first(), self.seq.last()) {
-            (Some(first), Some(last)) => last - first + 1 - self.len() as u64,
+            (Some(first), Some(last)) => (last - first).saturating_add(1).saturating_sub(self.len() as u64),
             _ => 0,
         }
     }

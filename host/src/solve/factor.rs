@@ -9,6 +9,8 @@
 //! L and `[Y | Z | y]` are kept for the back-substitution: `n(n+1)/2 + n·width` doubles a stage.
 //! The two sweeps and their order of summation are always the same, so results do not depend on the number of threads.
 
+use std::time::{Duration, Instant};
+
 use super::kernel::{self, MAX_STAGE_SIZE, Pivot, Product, STAGE_SIZES, Work, padded, triangle, vectorised};
 use super::{LeastSquares, Rows, Step, Transition};
 
@@ -87,6 +89,7 @@ pub struct Factor {
     middle: usize,
     /// `border_width²`: the Schur complement, its gradient, and Σ r² − Σ y² in the corner.
     border: Vec<f64>,
+    linearise: Duration,
 }
 
 impl Factor {
@@ -101,7 +104,13 @@ impl Factor {
             kept: vec![0.0; shape.kept() * problem.stages()],
             middle: problem.stages() / 2,
             border: vec![0.0; shape.border_width * shape.border_width],
+            linearise: Duration::ZERO,
         })
+    }
+
+    /// Time that the last factorisation spent in the problem's own residuals and derivatives, s: the slower sweep's.
+    pub fn linearise_s(&self) -> f64 {
+        self.linearise.as_secs_f64()
     }
 
     /// Linearises and eliminates all stages at `point`. `damping` multiplies each stage's own diagonal (0: plain Gauss–Newton).
@@ -132,6 +141,7 @@ impl Factor {
             )
         };
         let (mut sweep, right) = (left?, right?);
+        self.linearise = sweep.linearise.max(right.linearise);
         sweep.take_over(&right);
         sweep.rows.clear();
         problem.border_rows(point, &mut sweep.rows);
@@ -236,6 +246,8 @@ struct Sweep {
     next_diagonal: Vec<f64>,
     rows: Rows,
     transition: Transition,
+    /// Time spent in the problem's own code.
+    linearise: Duration,
 }
 
 impl Sweep {
@@ -251,7 +263,28 @@ impl Sweep {
             next_diagonal: vec![0.0; n],
             rows: Rows::new(shape.stage, n, shape.border, width),
             transition: Transition::new(shape.stage, n, shape.border, width),
+            linearise: Duration::ZERO,
         }
+    }
+
+    /// Linearises stage k, and the transition from stage `from` where it is linked.
+    fn linearise<P: LeastSquares>(
+        &mut self,
+        problem: &P,
+        point: &P::Point,
+        scratch: &mut P::Scratch,
+        k: usize,
+        from: usize,
+    ) -> bool {
+        let clock = Instant::now();
+        self.rows.clear();
+        problem.rows(point, k, scratch, &mut self.rows);
+        let linked = problem.linked(from);
+        if linked {
+            problem.transition(point, from, scratch, &mut self.transition);
+        }
+        self.linearise += clock.elapsed();
+        linked
     }
 
     /// Joins the front of the other sweep, at the stage where the two meet.
@@ -302,11 +335,9 @@ fn sweep_right<P: LeastSquares>(
     let mut sweep = Sweep::new(shape);
     let mut scratch = problem.scratch();
     for (k, kept) in kept.chunks_exact_mut(shape.kept()).enumerate() {
-        sweep.rows.clear();
-        problem.rows(point, k, &mut scratch, &mut sweep.rows);
+        let linked = sweep.linearise(problem, point, &mut scratch, k, k);
         vectorised(AddRows { sweep: &mut sweep });
-        if problem.linked(k) {
-            problem.transition(point, k, &mut scratch, &mut sweep.transition);
+        if linked {
             vectorised(AddTransition { sweep: &mut sweep, front_is_successor: false });
         }
         vectorised(Eliminate { sweep: &mut sweep, damping, kept }).map_err(|pivot| Singular { stage: k, pivot })?;
@@ -328,11 +359,9 @@ fn sweep_left<P: LeastSquares>(
     let mut scratch = problem.scratch();
     for (slot, kept) in kept.chunks_exact_mut(shape.kept()).enumerate().rev() {
         let k = middle + 1 + slot;
-        sweep.rows.clear();
-        problem.rows(point, k, &mut scratch, &mut sweep.rows);
+        let linked = sweep.linearise(problem, point, &mut scratch, k, k - 1);
         vectorised(AddRows { sweep: &mut sweep });
-        if problem.linked(k - 1) {
-            problem.transition(point, k - 1, &mut scratch, &mut sweep.transition);
+        if linked {
             vectorised(AddTransition { sweep: &mut sweep, front_is_successor: true });
         }
         vectorised(Eliminate { sweep: &mut sweep, damping, kept }).map_err(|pivot| Singular { stage: k, pivot })?;

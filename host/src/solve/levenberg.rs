@@ -63,12 +63,22 @@ pub struct Iteration {
 /// Seconds spent in the parts of a solve.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Seconds {
-    /// Linearising and eliminating (one fused sweep).
+    /// Residuals with their derivatives (the slower of the two sweeps).
+    pub linearise: f64,
+    /// Eliminating the states.
     pub factor: f64,
     /// Border solves, back-substitutions, retractions and trial costs.
     pub solve: f64,
     /// All of it.
     pub total: f64,
+}
+
+impl Seconds {
+    /// Adds the two parts of a factorisation that began at `clock`.
+    fn add(&mut self, clock: &Instant, factor: &Factor) {
+        self.linearise += factor.linearise_s();
+        self.factor += (clock.elapsed().as_secs_f64() - factor.linearise_s()).max(0.0);
+    }
 }
 
 /// The end of a solve.
@@ -139,7 +149,7 @@ pub fn minimise<P: LeastSquares>(
     while iterations.len() < settings.max_iterations {
         let clock = Instant::now();
         let factored = factor.factorise(problem, &point, state_damping, settings.threads);
-        seconds.factor += clock.elapsed().as_secs_f64();
+        seconds.add(&clock, &factor);
         if let Err(singular) = factored {
             state_damping = if state_damping == 0.0 { 1e-12 } else { state_damping * 100.0 };
             if state_damping > 1e3 {
@@ -223,7 +233,7 @@ pub fn minimise<P: LeastSquares>(
         // A stage that only damping determines: its states keep what little damping they need.
         factor.factorise(problem, &point, 1e-12, settings.threads)
     })?;
-    seconds.factor += clock.elapsed().as_secs_f64();
+    seconds.add(&clock, &factor);
     seconds.total = begin.elapsed().as_secs_f64();
     Ok(Solution { point, cost, status, iterations, seconds, factor })
 }
