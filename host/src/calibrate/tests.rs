@@ -12,10 +12,10 @@ use crate::solve::{LeastSquares, Step};
 fn robot() -> Robot {
     let text = include_str!("../robot/builtin/doggy.toml");
     assert!(text.contains("sigma_rad_s = 1.745e-3"));
-    let late = if text.contains("offset_s") {
+    let late = if text.contains("offset_us") {
         text.to_string()
     } else {
-        text.replace("sigma_rad_s = 1.745e-3", "sigma_rad_s = 1.745e-3\noffset_s = 2e-4")
+        text.replace("sigma_rad_s = 1.745e-3", "sigma_rad_s = 1.745e-3\noffset_us = 200")
     };
     Robot::parse(&late).unwrap()
 }

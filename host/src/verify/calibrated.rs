@@ -246,6 +246,10 @@ impl CalibratedSystem<'_> {
                 right.push(reading - calibrated.biases[gyro][axis]);
             }
         }
+        if right.is_empty() {
+            // A robot without gyros, or none that reads: the singular values of no rows do not exist.
+            return vec![0.0; joints];
+        }
         let matrix = DMatrix::from_row_slice(right.len(), joints, &rows);
         let solved = matrix.svd(true, true).solve(&DVector::from_vec(right), 1e-6);
         solved.map_or_else(|_| vec![0.0; joints], |speeds| speeds.as_slice().to_vec())
