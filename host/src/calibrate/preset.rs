@@ -37,7 +37,7 @@ pub enum GyroRows {
     Chained,
 }
 
-/// Standard deviations of the step's residual (31) over [`STEP_S`].
+/// Standard deviations of the step's residual (31) over a step of 1 ms.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ProcessNoise {
     /// q and θ, rad or m.
