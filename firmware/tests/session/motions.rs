@@ -89,7 +89,7 @@ fn the_validation_lasts_about_30_seconds() {
     }
 }
 
-/// The stages of model.md: rest of at least 3 s without duty, slow with at most 0.15 and large ways, fast with 0.90 used.
+/// The stages of the calibration: rest of at least 3 s without duty, slow with at most 0.15 and large ways, fast with 0.90 used.
 #[test]
 fn the_calibration_excites_what_it_is_made_for() {
     let motion = preset::calibration(&limits(3));

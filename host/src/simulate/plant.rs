@@ -119,11 +119,6 @@ impl Plant {
         self.state[m - n + joint]
     }
 
-    /// Positions of the passive joints.
-    pub fn passive_positions(&self) -> &[f64] {
-        &self.state[..self.equations.passive.len()]
-    }
-
     /// What gyro `gyro` would read without noise: true rotation, true bias, effects included. rad/s, sensor axes.
     pub fn gyro_rate(&self, gyro: usize) -> Vector3 {
         let equations = &self.equations;

@@ -127,21 +127,9 @@ impl Chain {
         Ok(Self { links, gravity_m_s2: self.gravity_m_s2, coriolis: self.coriolis })
     }
 
-    /// The same chain with or without Coriolis and centrifugal terms.
-    #[must_use]
-    pub fn with_coriolis(mut self, coriolis: bool) -> Self {
-        self.coriolis = coriolis;
-        self
-    }
-
     /// Number of joints, passive ones included.
     pub fn joints(&self) -> usize {
         self.links.len()
-    }
-
-    /// Whether [`Self::link_torque`] depends on the speeds.
-    pub fn has_coriolis(&self) -> bool {
-        self.coriolis
     }
 
     /// Whether gravity loads any joint. A first joint that turns about the vertical feels nothing of it.
