@@ -100,6 +100,8 @@ fn what_cannot_work_says_what_to_do_and_leaves_no_file() {
         ..Doggy::default()
     });
 
+    let past = Peer::start(Doggy { seq: 5000, ..Doggy::default() });
+
     let desk = Desk::new();
     let typo = desk.file("typo.toml");
     std::fs::write(&typo, "name = \"typo\"\nstagse = []\n").unwrap();
@@ -113,6 +115,8 @@ fn what_cannot_work_says_what_to_do_and_leaves_no_file() {
         (&unzeroed.path, vec!["--motion", "no/such/motion.toml"], 3, vec!["no/such/motion.toml", "calibration"]),
         (&unzeroed.path, vec!["--motion", typo.to_str().unwrap()], 4, vec!["stagse"]),
         (&unzeroed.path, vec!["--baud", "115200"], 2, vec!["115200 baud", "--baud"]),
+        (&unzeroed.path, vec!["--baud", "0"], 2, vec!["0 is not in 1200..=20000000", "--baud"]),
+        (&past.path, vec!["--start-tick", "1000"], 3, vec!["tick 1000 is not ahead of tick", "--start-tick"]),
     ] {
         let (got, said) = ended(desk.record(port, &more).output().unwrap());
         assert_eq!(got, code, "{port} {more:?}: {said}");

@@ -49,12 +49,12 @@ pub const fn bit_per_s(payload: usize, per_s: u32) -> u64 {
     frame::wire_len(payload) as u64 * BITS_PER_BYTE as u64 * per_s as u64
 }
 
-/// Share of the line that the samples take, per mille.
+/// Share of the line that the samples take, per mille. The rate is not 0.
 pub const fn sample_share(layout: &Layout, ticks_per_s: u32, baud: u32) -> u64 {
     bit_per_s(layout.payload_len(), ticks_per_s) * 1000 / baud as u64
 }
 
-/// Share of the line that everything takes, per mille.
+/// Share of the line that everything takes, per mille. The rate is not 0.
 pub const fn total_share(layout: &Layout, ticks_per_s: u32, baud: u32) -> u64 {
     let bits = bit_per_s(layout.payload_len(), ticks_per_s)
         + bit_per_s(HEARTBEATS_SEEN.payload, HEARTBEATS_SEEN.per_s)
@@ -63,9 +63,11 @@ pub const fn total_share(layout: &Layout, ticks_per_s: u32, baud: u32) -> u64 {
     bits * 1000 / baud as u64
 }
 
-/// Whether a line of this rate carries a device.
+/// Whether a line of this rate carries a device. A line of 0 baud carries nothing.
 pub const fn carries(layout: &Layout, ticks_per_s: u32, baud: u32) -> bool {
-    sample_share(layout, ticks_per_s, baud) <= SAMPLE_SHARE && total_share(layout, ticks_per_s, baud) <= TOTAL_SHARE
+    baud > 0
+        && sample_share(layout, ticks_per_s, baud) <= SAMPLE_SHARE
+        && total_share(layout, ticks_per_s, baud) <= TOTAL_SHARE
 }
 
 const _: () = {
@@ -90,6 +92,7 @@ mod tests {
 
     #[test]
     fn a_slow_line_is_refused() {
+        assert!(!carries(&Layout::DOGGY, 1000, 0));
         assert!(!carries(&Layout::DOGGY, 1000, 115_200));
         assert!(!carries(&Layout::DOGGY, 1000, 460_800));
         assert!(!carries(&Layout::WIDEST, 1000, BAUD));

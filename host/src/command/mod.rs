@@ -37,6 +37,9 @@ use failures::{read_failure, robot_failure, table_failure};
 pub use output::{LiveFile, NewFile, Outputs, ResultArgs};
 pub use ui::{Progress, Ui};
 
+/// Bits per second that a serial line may be asked for; 0 is none.
+const BAUDS: std::ops::RangeInclusive<i64> = 1200..=20_000_000;
+
 /// Calibrates flexible-joint robots: records a motion, fits the elastic-joint model, verifies it on another motion.
 #[derive(Debug, Parser)]
 #[command(name = "host", version, propagate_version = true, after_help = exit::HELP)]

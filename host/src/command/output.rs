@@ -103,6 +103,11 @@ impl LiveFile {
         })
     }
 
+    /// Removes the file that [`LiveFile::create`] made.
+    pub fn discard(&self) -> Result<(), Failure> {
+        std::fs::remove_file(&self.path).map_err(|error| cannot_write(&self.path, error))
+    }
+
     /// The file's name.
     pub fn path(&self) -> &Path {
         &self.path

@@ -11,7 +11,7 @@ use crate::link::{self, LinkError, Options};
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Bits per second at which to ask
-    #[arg(long, value_name = "BAUD", default_value_t = protocol::budget::BAUD)]
+    #[arg(long, value_name = "BAUD", default_value_t = protocol::budget::BAUD, value_parser = clap::value_parser!(u32).range(super::BAUDS))]
     baud: u32,
     /// Print the list as JSON to stdout
     #[arg(long)]

@@ -33,8 +33,11 @@ pub struct Args {
     /// Take the present pose as zero: the robot is held in its marked pose
     #[arg(long)]
     set_zero: bool,
+    /// The motion starts in this tick of the device, which counts from 0 when it starts [default: the next one]
+    #[arg(long, value_name = "N")]
+    start_tick: Option<u32>,
     /// Bits per second on the line
-    #[arg(long, value_name = "BAUD", default_value_t = BAUD)]
+    #[arg(long, value_name = "BAUD", default_value_t = BAUD, value_parser = clap::value_parser!(u32).range(super::BAUDS))]
     baud: u32,
     /// The recording to make
     #[arg(short, long, value_name = "RUN.mcap")]
@@ -81,14 +84,21 @@ pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
     let zero = if simulated.is_some() { Zero::Set } else { ask_for_zero(&args, &device, ui)? };
 
     let preparing = ui.busy("uploading");
-    let ready = Ready::prepare(&mut device, &robot, &motion, text, zero).map_err(capture_failure)?;
+    let mut ready = Ready::prepare(&mut device, &robot, &motion, text, zero).map_err(capture_failure)?;
+    if let Some(tick) = args.start_tick {
+        ready = ready.starting_at(tick);
+    }
     drop(preparing);
     interrupt.recording.store(true, Relaxed);
     let bar = ui.progress("starting", 1000);
     let captured = ready.run(file.create()?, &interrupt.wished, |now| {
         bar.stage(now.stage.unwrap_or("starting"));
         bar.at(now.per_mille());
-        bar.note(format!("{:.0} Hz, {} lost", now.rate_hz, now.balance.missing));
+        let (rate_hz, lost) = (now.rate_hz, now.balance.missing);
+        bar.note(match now.starts_in_ticks {
+            Some(ticks) => format!("{rate_hz:.0} Hz, {lost} lost, starts in {ticks} ticks"),
+            None => format!("{rate_hz:.0} Hz, {lost} lost"),
+        });
     });
     drop(bar);
     let balance = device.balance();
@@ -102,6 +112,11 @@ pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
         Ok(captured) => {
             say_captured(ui, &args, &captured);
             Ok(Exit::Ok)
+        }
+        // Nothing was recorded that is worth a file.
+        Err(error @ CaptureError::Link(LinkError::Refused { .. })) => {
+            file.discard()?;
+            Err(capture_failure(error))
         }
         Err(error) => {
             ui.say(format_args!("{}: {} samples, {}", args.output.display(), balance.received, losses(&balance)));

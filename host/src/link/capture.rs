@@ -81,6 +81,7 @@ pub struct Ready<'a> {
     motion: &'a Motion,
     scales: Scales,
     session: Session,
+    start_tick: Option<u32>,
 }
 
 impl CaptureError {
@@ -120,6 +121,8 @@ pub struct Progress<'a> {
     pub done_s: f64,
     /// Time that the motion takes at most, s.
     pub total_s: f64,
+    /// Ticks until the one in which the motion is to start; `None` once it runs, or without such a tick.
+    pub starts_in_ticks: Option<u64>,
     /// Samples a second lately, as they arrive.
     pub rate_hz: f64,
     /// Where samples were lost so far.
@@ -173,7 +176,14 @@ impl<'a> Ready<'a> {
         session.motion = Some(MotionFile { name: motion.name.as_str().to_owned(), toml: motion_text });
         session.zero_rad = scales.zero().to_vec();
         session.firmware = Some(words::firmware(device.hello()));
-        Ok(Self { device, motion, scales, session })
+        Ok(Self { device, motion, scales, session, start_tick: None })
+    }
+
+    /// The motion starts in this tick of the device instead of at once; what comes before is recorded as well. A device
+    /// that is past it refuses, and nothing moves.
+    #[must_use]
+    pub fn starting_at(self, tick: u32) -> Self {
+        Self { start_tick: Some(tick), ..self }
     }
 
     /// Plays the motion and records it into a new, empty file. `watch` is told of progress a few times a second; `stop`
@@ -187,8 +197,9 @@ impl<'a> Ready<'a> {
         stop: &AtomicBool,
         mut watch: impl FnMut(&Progress<'_>),
     ) -> Result<Captured, CaptureError> {
-        let Self { device, motion, scales, session } = self;
+        let Self { device, motion, scales, session, start_tick } = self;
         let mut take = Take::new(Writer::new(Disk::new(file), &session)?, scales);
+        take.counts.start_tick = start_tick;
         let played = take.play(device, motion, stop, &mut watch);
         if played.is_err() {
             // Before anything that may take its time.
@@ -232,6 +243,8 @@ struct Take {
 struct Counts {
     samples: u64,
     refused: u64,
+    /// Where the motion is to start, as the device counts.
+    start_tick: Option<u32>,
     first_us: Option<u64>,
     last_us: u64,
     first_seq: Option<u64>,
@@ -258,7 +271,7 @@ impl Take {
         watch: &mut impl FnMut(&Progress<'_>),
     ) -> Result<(), CaptureError> {
         device.stream()?;
-        device.start(MOTION)?;
+        device.start(MOTION, self.counts.start_tick)?;
         let (mut looked, mut looked_samples, mut heard) = (Instant::now(), 0, Instant::now());
         loop {
             let arrival = device.next(LOOK)?;
@@ -364,9 +377,22 @@ impl Counts {
     fn is_over(&self) -> bool {
         match (self.ended_seq, self.phase, self.first_seq) {
             (Some(ended), ..) => self.last_seq >= ended + TAIL_TICKS,
-            (None, None, Some(first)) => self.last_seq >= first + START_TICKS,
+            (None, None, Some(first)) => self.last_seq >= self.due_seq(first) + START_TICKS,
             _ => false,
         }
+    }
+
+    /// The tick of the start, unwrapped, for a stream that began with the tick `first`.
+    fn due_seq(&self, first: u64) -> u64 {
+        // The device took the start, so its tick lay ahead: less than half the counter's range.
+        let ahead = self.start_tick.map_or(0, |tick| tick.wrapping_sub(first as u32));
+        first + u64::from(if ahead < 1 << 31 { ahead } else { 0 })
+    }
+
+    /// Ticks until that of the start.
+    fn starts_in_ticks(&self) -> Option<u64> {
+        let (None, Some(_), Some(first)) = (self.phase, self.start_tick, self.first_seq) else { return None };
+        Some(self.due_seq(first).saturating_sub(self.last_seq))
     }
 
     fn progress<'a>(&self, motion: &'a Motion, rate_hz: f64, balance: LossBalance) -> Progress<'a> {
@@ -379,6 +405,7 @@ impl Counts {
             done_s: before.iter().map(longest_s).sum::<f64>()
                 + segment.map_or(0.0, |segment| in_phase_s.min(longest_s(segment))),
             total_s: motion.segments.iter().map(longest_s).sum(),
+            starts_in_ticks: self.starts_in_ticks(),
             rate_hz,
             balance,
         }

@@ -202,13 +202,13 @@ impl Device {
         }
     }
 
-    /// Plays the uploaded motion from the next tick on.
+    /// Plays the uploaded motion from the tick `at_seq` of the device on, or from its next one.
     ///
     /// # Errors
-    /// [`LinkError::Refused`] with the reason.
-    pub fn start(&mut self, motion: MotionId) -> Result<(), LinkError> {
+    /// [`LinkError::Refused`] with the reason; [`Refusal::Late`] if that tick is past.
+    pub fn start(&mut self, motion: MotionId, at_seq: Option<u32>) -> Result<(), LinkError> {
         self.at_rest = false;
-        self.insist("start the motion", || Command::Start { motion, at_seq: None })
+        self.insist("start the motion", || Command::Start { motion, at_seq })
     }
 
     /// The next thing that the device sent, or `None` if nothing came in time. Call it often: heartbeats tell the

@@ -136,6 +136,9 @@ impl LinkError {
                 Refusal::NotZeroed => "hold the robot in its marked pose and add --set-zero",
                 Refusal::Fault(_) => "remove the cause; the next `host record` clears the fault",
                 Refusal::Motion(_) => "change the motion file",
+                Refusal::Late { .. } => {
+                    "give a later --start-tick; the device counts from 0 when it starts, so a reset brings early ticks back"
+                }
                 _ => "try again",
             },
             Self::Unanswered { .. } => {

@@ -34,12 +34,18 @@ struct Trial {
 
 impl Trial {
     fn of(peer: &Peer, stop: &AtomicBool, watch: impl FnMut(&Progress<'_>)) -> Self {
+        Self::started(peer, None, stop, watch)
+    }
+
+    /// With the tick in which the motion starts.
+    fn started(peer: &Peer, at: Option<u32>, stop: &AtomicBool, watch: impl FnMut(&Progress<'_>)) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("run.mcap");
         let mut device = open(peer).unwrap();
         let robot = Robot::builtin("doggy").unwrap();
         let motion = motion();
         let outcome = Ready::prepare(&mut device, &robot, &motion, toml::to_string(&motion).unwrap(), Zero::Keep)
+            .map(|ready| if let Some(tick) = at { ready.starting_at(tick) } else { ready })
             .and_then(|ready| ready.run(File::create_new(&path).unwrap(), stop, watch));
         Self { outcome, path, _folder: folder }
     }
@@ -79,6 +85,26 @@ fn a_motion_is_recorded_from_its_first_tick_to_its_last() {
     assert_eq!(toml::from_str::<Motion>(&recording.motion.as_ref().unwrap().toml).unwrap(), motion());
     assert!(recording.events.iter().any(|e| e.text == "motion finished"), "{:?}", recording.events);
     assert!(stages.contains(&"rest".to_owned()), "{stages:?}");
+}
+
+#[test]
+fn a_motion_starts_in_the_tick_that_was_asked_for() {
+    // Farther ahead than a start may take to be seen, and over the wrap of the counter.
+    let peer = Peer::start(Doggy { seq: u32::MAX - 3000, samples_per_tick: 4, ..Doggy::default() });
+    let mut waited = Vec::new();
+    let trial = Trial::started(&peer, Some(1000), &AtomicBool::new(false), |now| waited.extend(now.starts_in_ticks));
+    trial.outcome.as_ref().unwrap();
+    let recording = trial.recording();
+    let first = recording.phase.iter().position(|phase| *phase == 0).unwrap();
+    assert_eq!(recording.seq[first], (1 << 32) + 1000);
+    assert!(first > 2000, "only {first} samples before the start");
+    assert!(waited.first() > waited.last() && waited[0] < 4001, "{waited:?}");
+
+    let peer = Peer::start(Doggy { seq: 5000, ..Doggy::default() });
+    let trial = Trial::started(&peer, Some(1000), &AtomicBool::new(false), |_| {});
+    let error = trial.outcome.unwrap_err();
+    assert!(error.to_string().contains("tick 1000 is not ahead of tick"), "{error}");
+    assert!(error.advice().contains("--start-tick"), "{}", error.advice());
 }
 
 #[test]

@@ -166,7 +166,7 @@ fn a_stop_lets_no_start_follow() {
     let mut device = open(&peer).unwrap();
     let stopper = device.stopper();
     std::thread::spawn(move || stopper.stop()).join().unwrap();
-    assert!(matches!(device.start(MotionId(1)), Err(LinkError::Stopping { .. })));
+    assert!(matches!(device.start(MotionId(1), None), Err(LinkError::Stopping { .. })));
     device.stop().unwrap();
     let heard: Vec<_> = std::iter::from_fn(|| peer.heard.recv_timeout(Duration::from_millis(50)).ok()).collect();
     let commands: Vec<_> = heard
@@ -252,7 +252,7 @@ fn silence_noise_and_a_missing_port_are_told_apart() {
 fn a_refusal_and_a_deaf_device_are_told_apart() {
     let peer = Peer::start(Answering(Some(Report::Hello(doggy()))));
     let mut device = open(&peer).unwrap();
-    let refused = device.start(MotionId(1)).unwrap_err();
+    let refused = device.start(MotionId(1), None).unwrap_err();
     assert!(refused.to_string().contains("zero") && refused.advice().contains("--set-zero"), "{refused}");
 
     struct Deaf;
@@ -265,7 +265,7 @@ fn a_refusal_and_a_deaf_device_are_told_apart() {
     }
     let peer = Peer::start(Deaf);
     let mut device = open(&peer).unwrap();
-    assert!(matches!(device.start(MotionId(1)), Err(LinkError::Unanswered { .. })));
+    assert!(matches!(device.start(MotionId(1), None), Err(LinkError::Unanswered { .. })));
 }
 
 #[test]

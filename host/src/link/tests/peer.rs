@@ -128,6 +128,8 @@ pub struct Doggy {
     /// How long a motion is played, ticks, and how it ends then.
     pub motion_ticks: u32,
     pub motion_end: MotionEnd,
+    /// The tick in which the motion is to start.
+    pub waiting: Option<u32>,
     /// First tick of the motion that is played.
     pub playing: Option<u32>,
     pub last_end: Option<(MotionId, MotionEnd)>,
@@ -150,6 +152,7 @@ impl Default for Doggy {
             samples_per_tick: 1,
             motion_ticks: 500,
             motion_end: MotionEnd::Finished,
+            waiting: None,
             playing: None,
             last_end: None,
         }
@@ -195,7 +198,11 @@ impl Script for Doggy {
                         }
                         Command::Stream { on: false } => (self.streaming, self.end_seq) = (false, self.seq),
                         Command::Start { .. } if self.hello.zero.is_none() => return Err(Refusal::NotZeroed),
-                        Command::Start { .. } => self.playing = Some(self.seq),
+                        Command::Start { at_seq: Some(at), .. } if (at.wrapping_sub(self.seq) as i32) <= 0 => {
+                            return Err(Refusal::Late { asked: *at, now: self.seq });
+                        }
+                        Command::Start { at_seq: Some(at), .. } => self.waiting = Some(*at),
+                        Command::Start { at_seq: None, .. } => self.playing = Some(self.seq),
                         Command::Stop if self.playing.is_some() => self.end(MotionEnd::Stopped, out),
                         Command::SetZero => self.hello.zero = Some([0; 3].into_iter().collect()),
                         Command::Status => out.report(&Report::Status(self.status())),
@@ -219,6 +226,9 @@ impl Script for Doggy {
 
     fn tick(&mut self, out: &mut Wire) {
         for _ in 0..self.samples_per_tick {
+            if self.waiting.take_if(|at| *at == self.seq).is_some() {
+                self.playing = Some(self.seq);
+            }
             if self.playing.is_some_and(|first| self.seq.wrapping_sub(first) >= self.motion_ticks) {
                 self.end(self.motion_end, out);
             }
