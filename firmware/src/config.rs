@@ -125,6 +125,7 @@ impl Config {
             zero: None,
             reset: ResetReason::Unknown,
             panic: None,
+            code_crc: None,
         };
         Ok(Config { hello, joints: loop_joints, encoder_bounds: bounds, gyro_bounds: constants::GYRO_BOUNDS })
     }
@@ -133,6 +134,12 @@ impl Config {
     pub fn started_by(mut self, reset: ResetReason, panic: Option<PanicPlace>) -> Self {
         self.hello.reset = reset;
         self.hello.panic = panic;
+        self
+    }
+
+    /// CRC-32 over the program's code, for the handshake: see [`Hello::code_crc`].
+    pub fn code_crc(mut self, crc: u32) -> Self {
+        self.hello.code_crc = Some(crc);
         self
     }
 

@@ -1,26 +1,35 @@
 //! Samples and answers become bytes for the host.
 
-use protocol::message::{WriteError, write_report, write_sample};
+use protocol::budget;
+use protocol::message::{LOG_PIECE, MAX_TO_HOST_FRAME, WriteError, write_report, write_sample};
 use protocol::{Hello, Report};
 
 use crate::config::Config;
+use crate::constants::TICK_US;
 use crate::queues::{Reply, TelemetryEnds};
 
 /// Frames what the tick offers. Runs below the tick: however long the line takes, the tick never waits.
 #[derive(Clone, Debug)]
 pub struct Telemetry {
     hello: Hello,
+    /// Bytes of the log that were sent.
+    log_bytes: u32,
+    /// Samples sent since the last piece of the log.
+    samples: u32,
 }
+
+/// Samples between two pieces of the log, which keeps it within its share of the line.
+const SAMPLES_PER_PIECE: u32 = 1_000_000 / TICK_US / budget::LOG.per_s;
 
 impl Telemetry {
     /// For a robot.
     pub fn new(config: &Config) -> Self {
-        Telemetry { hello: config.hello.clone() }
+        Telemetry { hello: config.hello.clone(), log_bytes: 0, samples: 0 }
     }
 
     /// Writes as many whole frames as there are and fit, answers before samples; returns the bytes written. With
     /// [`protocol::message::MAX_TO_HOST_FRAME`] bytes of room every frame fits.
-    pub fn transmit(&self, out: &mut [u8], ends: &mut TelemetryEnds<'_>) -> usize {
+    pub fn transmit(&mut self, out: &mut [u8], ends: &mut TelemetryEnds<'_>) -> usize {
         let mut used = 0;
         while let Some(reply) = ends.replies.peek() {
             let Ok(n) = self.write_reply(reply, &mut out[used..]) else {
@@ -35,8 +44,31 @@ impl Telemetry {
             };
             used += n;
             ends.samples.dequeue();
+            self.samples = self.samples.saturating_add(1);
         }
         used
+    }
+
+    /// Writes a piece of the log if one is due; returns the bytes written. `take` gives the log's next bytes and how
+    /// many. To be called when [`Telemetry::transmit`] has nothing more.
+    ///
+    /// One piece goes out every 20 samples, so only while the stream is on: what a start has to say waits in the log's
+    /// ring until somebody records.
+    pub fn transmit_log(&mut self, out: &mut [u8], take: impl FnOnce(&mut [u8]) -> usize) -> usize {
+        if self.samples < SAMPLES_PER_PIECE || out.len() < MAX_TO_HOST_FRAME {
+            return 0;
+        }
+        let mut bytes = [0; LOG_PIECE];
+        let n = take(&mut bytes).min(LOG_PIECE);
+        if n == 0 {
+            return 0;
+        }
+        let at = self.log_bytes;
+        self.log_bytes = at.wrapping_add(n as u32);
+        self.samples = 0;
+        let bytes = bytes[..n].iter().copied().collect();
+        // There is room for any frame.
+        write_report(&Report::Defmt { at, bytes }, out).unwrap_or(0)
     }
 
     fn write_reply(&self, reply: &Reply, out: &mut [u8]) -> Result<usize, WriteError> {

@@ -41,7 +41,7 @@ pub struct Traffic {
 pub const HEARTBEATS_SEEN: Traffic = Traffic { payload: 9, per_s: 100 };
 /// Answers to requests, status, events and losses. A handshake comes while no motion runs.
 pub const ANSWERS: Traffic = Traffic { payload: 58, per_s: 100 };
-/// Lines of the log, or defmt bytes.
+/// Lines of the log, or pieces of a defmt stream.
 pub const LOG: Traffic = Traffic { payload: 85, per_s: 50 };
 
 /// Bit/s of so many payloads of this length a second.

@@ -168,6 +168,9 @@ pub struct Hello {
     pub reset: ResetReason,
     /// Where it panicked last, if it did and the place survived.
     pub panic: Option<PanicPlace>,
+    /// CRC-32 ([`crate::frame::crc32`]) over the program's code in flash (the section `.text`), by which a host tells
+    /// whether a file is the program that runs; none where there is no such program.
+    pub code_crc: Option<u32>,
 }
 
 /// A handshake that contradicts itself.

@@ -23,7 +23,7 @@
 //! | 5 | [`Loss`] | samples that the device itself dropped |
 //! | 6 | [`Event`] | a reset, a motion's start and end, a fault |
 //! | 7 | [`Report::Log`] | a line of text |
-//! | 8 | [`Report::Defmt`] | bytes of a defmt stream |
+//! | 8 | [`Report::Defmt`] | bytes of the log, a defmt stream; only between samples |
 //!
 //! Host → device ([`ToDevice`]):
 //!

@@ -16,6 +16,8 @@ use crate::{
 
 /// Longest frame to the host.
 pub const MAX_TO_HOST_FRAME: usize = frame::wire_len(MAX_PAYLOAD);
+/// Most bytes of the log in one message.
+pub const LOG_PIECE: usize = 64;
 /// Longest frame of a sample, of the widest layout.
 pub const MAX_SAMPLE_FRAME: usize = frame::wire_len(MAX_SAMPLE_PAYLOAD);
 /// Longest payload to the device: its decoder needs [`CRC_BYTES`] more.
@@ -71,8 +73,13 @@ pub enum Report {
         /// The line.
         text: Text<80>,
     },
-    /// The next bytes of a defmt stream, in order.
-    Defmt(heapless::Vec<u8, 64>),
+    /// The next bytes of the firmware's log, a defmt stream.
+    Defmt {
+        /// How many bytes of it came before these; wraps. A jump tells what was lost on the line.
+        at: u32,
+        /// The bytes.
+        bytes: heapless::Vec<u8, LOG_PIECE>,
+    },
 }
 
 /// How grave a line of the log is.

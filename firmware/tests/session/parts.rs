@@ -50,7 +50,7 @@ fn three_tasks_share_nothing_but_queues() {
             }
         });
         let reader = scope.spawn(move || {
-            let telemetry = Telemetry::new(config);
+            let mut telemetry = Telemetry::new(config);
             let layout = config.layout();
             let mut decoder = Decoder::<{ MAX_PAYLOAD + CRC_BYTES }>::new();
             let mut seqs = Vec::new();
@@ -173,4 +173,48 @@ fn the_fingerprint_of_a_run_is_fixed() {
     assert_eq!(last.phase, protocol::sample::NO_PHASE, "the motion was played to its end");
     assert!(!last.flags.contains(protocol::Flags::FAULT), "{last:?}");
     assert_eq!(sum, 0x6a97_fccb, "is {sum:#010x}");
+}
+
+/// The log goes out piece by piece behind the samples, one in 20 ticks, and waits while there are none.
+#[test]
+fn the_log_follows_the_samples() {
+    let config = config(3);
+    let mut control = ControlLoop::new(&config);
+    let mut telemetry = Telemetry::new(&config);
+    let mut receiver = Receiver::new();
+    let mut queues = Queues::new();
+    let said: Vec<u8> = (0..200).collect();
+    let (mut taken, mut pieces) = (0, Vec::new());
+    let mut line = [0; MAX_TO_HOST_FRAME];
+    for k in 0..1000u32 {
+        let (mut tick_ends, mut telemetry_ends, mut commands) = queues.split();
+        let switch = |on| frame(&ToDevice::Request { id: k as u8, command: Command::Stream { on } });
+        match k {
+            100 => receiver.receive(&switch(true), &mut commands),
+            150 => receiver.receive(&switch(false), &mut commands),
+            500 => receiver.receive(&switch(true), &mut commands),
+            _ => {}
+        }
+        control.tick(k * 1000, &Inputs::default(), &mut tick_ends);
+        while telemetry.transmit(&mut line, &mut telemetry_ends) > 0 {}
+        let n = telemetry.transmit_log(&mut line, |out| {
+            let n = out.len().min(said.len() - taken);
+            out[..n].copy_from_slice(&said[taken..taken + n]);
+            taken += n;
+            n
+        });
+        let mut decoder = Decoder::<{ MAX_PAYLOAD + CRC_BYTES }>::new();
+        for byte in &line[..n] {
+            let Some(payload) = decoder.feed(*byte) else { continue };
+            let ToHost::Report(protocol::Report::Defmt { at, bytes }) =
+                message::read_to_host(payload.unwrap(), None).unwrap()
+            else {
+                panic!("not a piece of the log")
+            };
+            assert_eq!(bytes, said[at as usize..at as usize + bytes.len()]);
+            pieces.push((k, at, bytes.len()));
+        }
+    }
+    // 50 samples of the first stream carry two pieces, and ten that are left count for the second one.
+    assert_eq!(pieces, [(119, 0, 64), (139, 64, 64), (509, 128, 64), (529, 192, 8)]);
 }

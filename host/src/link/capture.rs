@@ -328,7 +328,7 @@ impl Take {
             Arrival::Loss(loss) => (self.counts.last_seq, self.counts.last_us, words::loss(&loss)),
             Arrival::Log { level, text } => (self.counts.last_seq, self.counts.last_us, (words::level(level), text)),
             // Only the firmware's image tells what they mean.
-            Arrival::Defmt(bytes) => {
+            Arrival::Defmt { bytes, .. } => {
                 tracing::debug!("{} bytes of the device's defmt log", bytes.len());
                 return Ok(());
             }

@@ -39,8 +39,13 @@ pub enum Arrival {
         /// The line.
         text: String,
     },
-    /// Bytes of its defmt stream.
-    Defmt(Vec<u8>),
+    /// Bytes of its log, a defmt stream.
+    Defmt {
+        /// How many came before these, in the device's count.
+        at: u32,
+        /// The bytes.
+        bytes: Vec<u8>,
+    },
 }
 
 /// Most messages that are no samples; a device sends far fewer in the time that the samples' bound is worth.
@@ -128,20 +133,24 @@ mod tests {
         Arrival::Sample { seq, t_us: seq * 1000, sample: Box::default() }
     }
 
+    fn defmt(at: u32) -> Arrival {
+        Arrival::Defmt { at, bytes: vec![1] }
+    }
+
     #[test]
     fn a_flood_of_samples_drops_no_event_and_order_is_kept() {
         let inbox = Inbox::new(2);
         assert!(inbox.push(sample(1)));
-        assert!(inbox.push(Arrival::Defmt(vec![1])));
+        assert!(inbox.push(defmt(1)));
         assert!(inbox.push(sample(2)));
         assert!(!inbox.push(sample(3)));
-        assert!(inbox.push(Arrival::Defmt(vec![2])));
+        assert!(inbox.push(defmt(2)));
         let take = || inbox.next(Duration::ZERO).unwrap();
         assert_eq!(take(), Some(sample(1)));
-        assert_eq!(take(), Some(Arrival::Defmt(vec![1])));
+        assert_eq!(take(), Some(defmt(1)));
         assert!(inbox.push(sample(4)));
         assert_eq!(take(), Some(sample(2)));
-        assert_eq!(take(), Some(Arrival::Defmt(vec![2])));
+        assert_eq!(take(), Some(defmt(2)));
         assert_eq!(take(), Some(sample(4)));
         assert_eq!(take(), None);
     }
@@ -154,9 +163,9 @@ mod tests {
         assert_eq!(inbox.next(Duration::ZERO).unwrap(), Some(sample(1)));
         assert!(matches!(inbox.next(Duration::ZERO), Err(LinkError::Restarted { .. })));
         inbox.push(sample(2));
-        inbox.push(Arrival::Defmt(vec![]));
+        inbox.push(defmt(0));
         inbox.forget_samples();
-        assert_eq!(inbox.next(Duration::ZERO).unwrap(), Some(Arrival::Defmt(vec![])));
+        assert_eq!(inbox.next(Duration::ZERO).unwrap(), Some(defmt(0)));
         assert_eq!(inbox.next(Duration::ZERO).unwrap(), None);
     }
 }

@@ -175,7 +175,7 @@ impl Reader {
             }
             Report::Event(event) => self.event(event),
             Report::Log { level, text } => self.keep(Arrival::Log { level, text: text.as_str().to_owned() }),
-            Report::Defmt(bytes) => self.keep(Arrival::Defmt(bytes.to_vec())),
+            Report::Defmt { at, bytes } => self.keep(Arrival::Defmt { at, bytes: bytes.to_vec() }),
         }
     }
 

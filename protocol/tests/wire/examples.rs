@@ -29,6 +29,7 @@ pub fn hello() -> Hello {
         zero: Some([-5, 0, 70_000].into_iter().collect()),
         reset: ResetReason::PowerOn,
         panic: None,
+        code_crc: Some(0x1234_5678),
     }
 }
 
@@ -141,7 +142,7 @@ pub fn reports() -> Vec<(&'static str, Report)> {
         ("event_fault_raised", event(EventKind::FaultRaised(Fault::JointLimit { joint: 2 }))),
         ("event_fault_cleared", event(EventKind::FaultCleared)),
         ("log", Report::Log { level: Level::Warn, text: text("gyro 2 answers late") }),
-        ("defmt", Report::Defmt([0, 1, 0xff].into_iter().collect())),
+        ("defmt", Report::Defmt { at: 300, bytes: [0, 1, 0xff].into_iter().collect() }),
     ]
 }
 
