@@ -122,6 +122,6 @@ pub(super) fn simulate_failure(error: SimulateError) -> Failure {
             Failure::data(error).advice("change the description, or simulate another robot")
         }
         SimulateError::Port(_) => Failure::device(error).advice("a file in the way of --link must be moved first"),
-        SimulateError::Gyro { .. } | SimulateError::Died => Failure::fault(error),
+        SimulateError::Gyro { .. } | SimulateError::Machine { .. } | SimulateError::Died => Failure::fault(error),
     }
 }

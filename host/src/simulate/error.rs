@@ -40,6 +40,12 @@ pub enum SimulateError {
         /// The driver's words.
         said: String,
     },
+    /// A microcontroller that runs no further.
+    #[error("the microcontroller stopped: {said}")]
+    Machine {
+        /// What is known of it.
+        said: String,
+    },
     /// The pseudo-terminal.
     #[error("the simulated serial port: {0}")]
     Port(#[from] std::io::Error),

@@ -15,6 +15,7 @@ mod chip;
 mod encoder;
 mod error;
 mod line;
+mod microcontroller;
 mod noise;
 mod options;
 mod plant;
@@ -22,14 +23,24 @@ mod pty;
 mod session;
 mod simulator;
 mod truth;
+mod world;
 
 #[cfg(test)]
 mod tests;
 
+pub use board::Board;
+pub use chip::{Bmi323Chip, BoardClock, Icm42688pChip, Shared};
 pub use error::SimulateError;
 pub use line::LineCounts;
+pub use microcontroller::Microcontroller;
 pub use options::{EffectChoice, Fault, Options, Pace};
 pub use plant::{Plant, STEP_S};
 pub use session::FaultCounts;
-pub use simulator::{EffectTruth, SimulationReport, Simulator};
+pub use simulator::{Drawn, EffectTruth, SimulationReport, Simulator};
 pub use truth::Truth;
+pub use world::{GyroChip, World};
+
+/// A tick.
+const TICK_NS: u64 = 1_000_000;
+/// The same, s.
+const TICK_S: f64 = 1e-3;

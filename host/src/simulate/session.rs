@@ -6,9 +6,8 @@ use protocol::message::{MAX_TO_DEVICE_FRAME, MAX_TO_HOST_FRAME, read_to_device, 
 use protocol::{State, ToDevice, ToHost};
 use serde::Serialize;
 
-use super::board::Board;
 use super::line::{Line, LineCounts};
-use super::{Fault, SimulateError};
+use super::{Fault, Microcontroller, SimulateError};
 
 /// Bytes that wait for the host in the simulation's own hands; a host that takes no more stalls the line.
 const ROOM: usize = 4096;
@@ -33,7 +32,7 @@ pub struct FaultCounts {
 
 /// A board and its line.
 pub(super) struct Session {
-    board: Board,
+    board: Box<dyn Microcontroller>,
     line: Line,
     faults: Vec<Fault>,
     begun: Vec<bool>,
@@ -57,11 +56,11 @@ pub(super) struct Session {
 }
 
 impl Session {
-    pub fn new(board: Board, faults: Vec<Fault>, seed: u64) -> Self {
+    pub fn new(board: Box<dyn Microcontroller>, faults: Vec<Fault>, seed: u64) -> Self {
         let rate = |wanted: fn(&Fault) -> Option<f64>| faults.iter().filter_map(wanted).fold(0.0, f64::max);
         let drop = rate(|fault| if let Fault::Drop(rate) = fault { Some(*rate) } else { None });
         let corrupt = rate(|fault| if let Fault::Corrupt(rate) = fault { Some(*rate) } else { None });
-        let baud = if budget::carries(&board.config().layout(), 1000, BAUD) { BAUD } else { FAST_BAUD };
+        let baud = if budget::carries(&board.layout(), 1000, BAUD) { BAUD } else { FAST_BAUD };
         Self {
             board,
             line: Line::new(drop, corrupt, seed),
@@ -88,14 +87,14 @@ impl Session {
     /// One millisecond.
     ///
     /// # Errors
-    /// [`SimulateError::Gyro`] after a reset.
+    /// [`SimulateError`] if the microcontroller runs no further.
     pub fn tick(&mut self) -> Result<(), SimulateError> {
         self.inject()?;
         if !self.stalled(|fault| matches!(fault, Fault::StallIn { .. })) {
             self.deliver();
         }
         let start_s = self.board.time_s();
-        self.board.tick();
+        self.board.tick()?;
         self.ticks += 1;
         if self.motion_start_s.is_none() && matches!(self.board.state(), State::Running { .. }) {
             self.motion_start_s = Some(start_s);
@@ -231,7 +230,7 @@ impl Session {
             let bytes = &self.uart[self.sent..self.sent + n];
             for byte in bytes {
                 if let Some(Ok(payload)) = self.told.feed(*byte)
-                    && let Ok(ToHost::Sample(sample)) = read_to_host(payload, Some(&self.board.config().layout()))
+                    && let Ok(ToHost::Sample(sample)) = read_to_host(payload, Some(&self.board.layout()))
                 {
                     self.told_seq = sample.seq;
                 }

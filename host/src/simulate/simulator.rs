@@ -19,7 +19,7 @@ use super::noise::{Purpose, stream};
 use super::options::EffectChoice;
 use super::pty::Pty;
 use super::session::{FaultCounts, Session};
-use super::{Options, Pace, Plant, SimulateError, Truth};
+use super::{Microcontroller, Options, Pace, Plant, SimulateError, Truth, World};
 use crate::effect::{Hidden, TrueValue};
 
 /// How long the fast pace waits for a host that says nothing.
@@ -51,6 +51,17 @@ pub struct EffectTruth {
     pub parameters: Vec<TrueValue>,
 }
 
+/// A robot as a seed draws it, with what is true of it.
+#[derive(Debug)]
+pub struct Drawn {
+    /// The robot and the chips on it.
+    pub world: World,
+    /// The true parameters of the base model.
+    pub truth: Vec<TrueValue>,
+    /// The effects in it.
+    pub effects: Vec<EffectTruth>,
+}
+
 /// What a simulation that ended has to tell.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct SimulationReport {
@@ -64,27 +75,49 @@ pub struct SimulationReport {
     pub ticks: u64,
 }
 
+impl Drawn {
+    /// The robot of these options.
+    ///
+    /// # Errors
+    /// [`SimulateError`] if the robot or its effects cannot be simulated.
+    pub fn new(options: &Options) -> Result<Self, SimulateError> {
+        let robot = &options.robot;
+        let truth = Truth::drawn(robot, &mut stream(options.seed, Purpose::Truth));
+        let hidden = hide(options)?;
+        let effects = hidden.iter().map(|h| EffectTruth { id: h.id, parameters: h.values.clone() }).collect();
+        let plant = Plant::new(robot, &truth, hidden)?;
+        Ok(Self { world: World::new(robot, plant, options.seed)?, truth: truth.values(robot), effects })
+    }
+}
+
 impl Simulator {
     /// Starts a simulation; a host may open [`Self::path`] at once.
     ///
     /// # Errors
     /// [`SimulateError`] if the robot or its effects cannot be simulated, or there is no pseudo-terminal.
     pub fn start(options: &Options) -> Result<Self, SimulateError> {
-        let robot = &options.robot;
-        let truth = Truth::drawn(robot, &mut stream(options.seed, Purpose::Truth));
-        let hidden = hide(options)?;
-        let effects = hidden.iter().map(|h| EffectTruth { id: h.id, parameters: h.values.clone() }).collect();
-        let plant = Plant::new(robot, &truth, hidden)?;
-        let board = Board::new(robot, plant, options.seed)?;
+        let Drawn { world, truth, effects } = Drawn::new(options)?;
+        let board = Board::new(&options.robot, world)?;
+        let mut simulator = Self::of(Box::new(board), options)?;
+        (simulator.truth, simulator.effects) = (truth, effects);
+        Ok(simulator)
+    }
+
+    /// Starts a simulation of a microcontroller, at whatever pins it stands; the robot, its seed and its effects are
+    /// not taken from the options then, and neither is the truth known.
+    ///
+    /// # Errors
+    /// [`SimulateError`] if there is no pseudo-terminal.
+    pub fn of(controller: Box<dyn Microcontroller>, options: &Options) -> Result<Self, SimulateError> {
         let pty = Pty::open(options.link.as_deref())?;
         let path = pty.path().to_owned();
-        let session = Session::new(board, options.faults.clone(), options.seed);
+        let session = Session::new(controller, options.faults.clone(), options.seed);
         let stop = Arc::new(AtomicBool::new(false));
         let (pace, theirs) = (options.pace, Arc::clone(&stop));
         let thread = std::thread::Builder::new()
             .name("simulated robot".to_owned())
             .spawn(move || run(session, pty, pace, &theirs))?;
-        Ok(Self { path, truth: truth.values(robot), effects, stop, thread: Some(thread) })
+        Ok(Self { path, truth: Vec::new(), effects: Vec::new(), stop, thread: Some(thread) })
     }
 
     /// The serial port of the robot.

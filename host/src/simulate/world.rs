@@ -1,0 +1,242 @@
+//! The world at the pins: a robot's plant, its gyro chips, encoders and noise. Registers in, registers out.
+//!
+//! ```text
+//!   duty ─▶ plant ─┬─▶ encoders ──▶ counters, 16 bit           one tick of the world:
+//!                  ├─▶ ICM-42688-P ◀─ SPI ─▶                     sense(duty)    every sensor at its time
+//!                  └─▶ BMI323 ◀───── I²C ─▶                      pass(duty)     the rest of the millisecond
+//! ```
+//!
+//! Which microcontroller stands at the pins is not the world's business: [`Board`](super::Board) runs the firmware's
+//! control core on this machine, and an emulator runs the image that is flashed.
+
+use firmware::driver::GyroRange;
+use protocol::{EncoderInfo, GyroInfo, MAX_ENCODERS, Side};
+
+use super::chip::{Bmi323Chip, BoardClock, Icm42688pChip, Shared};
+use super::encoder::EncoderChip;
+use super::noise::Noise;
+use super::plant::Plant;
+use super::{SimulateError, TICK_NS, TICK_S};
+use crate::robot::{InputUnit, Robot, Sensor};
+
+/// A robot and what is soldered to it.
+#[derive(Debug)]
+pub struct World {
+    plant: Plant,
+    noise: Noise,
+    encoders: Vec<EncoderChip>,
+    /// Counts at which each hardware counter was zero.
+    counter_starts: Vec<i64>,
+    gyros: Vec<GyroChip>,
+    /// What the firmware is told of each gyro.
+    gyro_infos: Vec<GyroInfo>,
+    /// Noise of each gyro before quantisation, rad/s.
+    gyro_sigmas: Vec<f64>,
+    range: GyroRange,
+    clock: BoardClock,
+    joints: usize,
+    /// Sensors in the order in which a tick reads them, with the time after its start, s.
+    schedule: Vec<(f64, Reading)>,
+    /// How much of the present tick has passed, s.
+    elapsed_s: f64,
+}
+
+/// A sensor, by its index.
+#[derive(Debug, Clone, Copy)]
+enum Reading {
+    Encoder(usize),
+    Gyro(usize),
+}
+
+/// A gyro chip at the bus that it sits on; clones lead to the same chip.
+#[derive(Debug, Clone)]
+pub enum GyroChip {
+    /// An ICM-42688-P.
+    Spi(Shared<Icm42688pChip>),
+    /// A BMI323.
+    I2c(Shared<Bmi323Chip>),
+}
+
+impl World {
+    /// A robot switched on in its marked pose. Its first gyro is on SPI, the second on I²C.
+    ///
+    /// # Errors
+    /// [`SimulateError::Unsuited`] if the firmware's boards have no place for such a robot.
+    pub fn new(robot: &Robot, plant: Plant, seed: u64) -> Result<Self, SimulateError> {
+        if robot.input.unit != InputUnit::Duty {
+            return Err(unsuited("the firmware drives motors by duty, the description has another input"));
+        }
+        if (robot.sample_period_s - TICK_S).abs() > 1e-9 {
+            return Err(unsuited("the firmware samples every 0.001 s, the description says otherwise"));
+        }
+        if robot.sensors.iter().any(|sensor| matches!(sensor, Sensor::Tachometer(_))) {
+            return Err(unsuited("the firmware reads no tachometers"));
+        }
+        let encoders = EncoderChip::of_robot(robot)
+            .map_err(|joint| unsuited(&format!("the encoder of joint {joint} needs its counts_per_turn")))?;
+        let range = gyro_range(robot)?;
+        let clock = BoardClock::default();
+        let mut world = Self {
+            plant,
+            noise: Noise::new(seed),
+            counter_starts: Vec::new(),
+            gyros: (0..robot.gyros().count()).map(|gyro| GyroChip::new(gyro, &clock)).collect(),
+            gyro_infos: robot
+                .gyros()
+                .map(|gyro| GyroInfo {
+                    body: gyro.body as u8,
+                    rad_s_per_lsb: range.lsb_rad_s(),
+                    saturated_at: i16::MAX as u16,
+                    offset_us: (gyro.offset_s * 1e6).round() as u16,
+                })
+                .collect(),
+            // sigma² = noise² + step²/12
+            gyro_sigmas: robot
+                .gyros()
+                .map(|gyro| (gyro.sigma_rad_s.powi(2) - range.lsb_rad_s().powi(2) / 12.0).max(0.0).sqrt())
+                .collect(),
+            schedule: reading_order(robot, &encoders),
+            encoders,
+            range,
+            clock,
+            joints: robot.joints.len(),
+            elapsed_s: 0.0,
+        };
+        world.clear_counters();
+        Ok(world)
+    }
+
+    /// The first half of a tick: every sensor is read at its time, under this duty (a fraction of full) of each joint.
+    /// Returns the hardware counters; the gyros' words stand in their chips.
+    pub fn sense(&mut self, duty: &[f64]) -> [u16; MAX_ENCODERS] {
+        let mut counters = [0; MAX_ENCODERS];
+        self.elapsed_s = 0.0;
+        for i in 0..self.schedule.len() {
+            let (offset_s, reading) = self.schedule[i];
+            if offset_s > self.elapsed_s {
+                self.plant.advance(&duty[..self.joints], offset_s - self.elapsed_s);
+                self.elapsed_s = offset_s;
+            }
+            match reading {
+                Reading::Encoder(i) => {
+                    let position = self.position(i);
+                    counters[i] = self.encoders[i].counter(position, self.counter_starts[i], &mut self.noise);
+                }
+                Reading::Gyro(i) => {
+                    let sigma = self.gyro_sigmas[i];
+                    let rate = self.plant.gyro_rate(i).map(|rate| rate + self.noise.draw(sigma));
+                    self.gyros[i].sense(rate);
+                }
+            }
+        }
+        counters
+    }
+
+    /// The second half: what is left of the millisecond, under this duty.
+    pub fn pass(&mut self, duty: &[f64]) {
+        self.plant.advance(&duty[..self.joints], TICK_S - self.elapsed_s);
+        self.clock.pass_ns(TICK_NS);
+        self.elapsed_s = 0.0;
+    }
+
+    /// A microcontroller that starts anew lets the robot run out for so long, s. Its counters then begin at zero
+    /// wherever the joints stand. The chips' clock is the caller's to advance.
+    pub fn restart(&mut self, duration_s: f64) {
+        let off = vec![0.0; self.joints];
+        self.plant.advance(&off, duration_s);
+        self.clear_counters();
+    }
+
+    /// A motion begins: from here on the noise depends on nothing that was before.
+    pub fn begin_motion(&mut self) {
+        self.noise.begin_motion();
+    }
+
+    /// The clock that chips and delays share.
+    pub fn clock(&self) -> &BoardClock {
+        &self.clock
+    }
+
+    /// The gyro chips, in the sample's order.
+    pub fn gyros(&self) -> &[GyroChip] {
+        &self.gyros
+    }
+
+    /// The range that the description's gyros have.
+    pub fn range(&self) -> GyroRange {
+        self.range
+    }
+
+    /// What the firmware is told of each gyro.
+    pub fn gyro_infos(&self) -> &[GyroInfo] {
+        &self.gyro_infos
+    }
+
+    /// What the firmware is told of each encoder.
+    pub fn encoder_infos(&self) -> Vec<EncoderInfo> {
+        self.encoders.iter().map(|encoder| encoder.info).collect()
+    }
+
+    /// Motors of the robot.
+    pub fn joints(&self) -> usize {
+        self.joints
+    }
+
+    fn position(&self, encoder: usize) -> f64 {
+        let EncoderInfo { joint, side, .. } = self.encoders[encoder].info;
+        match side {
+            Side::Motor => self.plant.motor_position(joint.into()),
+            Side::Link => self.plant.link_position(joint.into()),
+        }
+    }
+
+    /// The hardware counters start at zero wherever the joints stand.
+    fn clear_counters(&mut self) {
+        self.counter_starts = (0..self.encoders.len()).map(|i| self.encoders[i].counts(self.position(i))).collect();
+    }
+}
+
+impl GyroChip {
+    fn new(index: usize, clock: &BoardClock) -> Self {
+        if index.is_multiple_of(2) {
+            Self::Spi(Shared::new(Icm42688pChip::new(clock.clone())))
+        } else {
+            Self::I2c(Shared::new(Bmi323Chip::new(clock.clone())))
+        }
+    }
+
+    fn sense(&self, rate_rad_s: [f64; 3]) {
+        match self {
+            Self::Spi(chip) => chip.chip().sense(rate_rad_s),
+            Self::I2c(chip) => chip.chip().sense(rate_rad_s),
+        }
+    }
+}
+
+fn unsuited(reason: &str) -> SimulateError {
+    SimulateError::Unsuited { reason: reason.to_owned() }
+}
+
+fn reading_order(robot: &Robot, encoders: &[EncoderChip]) -> Vec<(f64, Reading)> {
+    let encoders = encoders.iter().enumerate();
+    let encoders = encoders.map(|(i, encoder)| (f64::from(encoder.info.offset_us) * 1e-6, Reading::Encoder(i)));
+    let gyros = robot.gyros().enumerate().map(|(i, gyro)| (gyro.offset_s, Reading::Gyro(i)));
+    let mut order: Vec<_> = encoders.chain(gyros).collect();
+    order.sort_by(|a, b| a.0.total_cmp(&b.0));
+    order
+}
+
+/// The range that the description names, which must be one that the firmware knows and the same for all gyros.
+fn gyro_range(robot: &Robot) -> Result<GyroRange, SimulateError> {
+    let mut ranges = robot.gyros().filter_map(|gyro| gyro.range_rad_s);
+    let Some(wanted) = ranges.next() else { return Ok(GyroRange::default()) };
+    let dps = wanted.to_degrees();
+    let known = [GyroRange::Dps500, GyroRange::Dps1000, GyroRange::Dps2000];
+    let fitting = known.into_iter().find(|range| (f64::from(range.full_scale_dps()) / dps - 1.0).abs() < 1e-3);
+    match fitting {
+        Some(range) if ranges.all(|other| (other / wanted - 1.0).abs() < 1e-3) => Ok(range),
+        _ => Err(unsuited(&format!(
+            "the firmware's gyros have a range of 500, 1000 or 2000 deg/s, the description {dps:.1}"
+        ))),
+    }
+}
