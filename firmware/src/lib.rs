@@ -38,6 +38,7 @@
 //! assert!(core.transmit(&mut line) > 0, "the device tells that it started");
 //! ```
 #![cfg_attr(not(test), no_std)]
+#![forbid(unsafe_code)]
 
 mod app;
 pub mod config;
@@ -47,9 +48,11 @@ pub mod driver;
 pub mod motion;
 pub mod queues;
 mod receive;
+pub mod robot;
 pub mod safety;
 mod speed;
 mod telemetry;
+pub mod wiring;
 
 pub use app::{ControlCore, RAM_BUDGET};
 pub use config::{Config, ConfigError, JointSetup};

@@ -2,6 +2,7 @@
 //!
 //! Data runs one way: serial line → [`link`] → [`recording`] → [`calibrate`] (residuals of the [`model`], solved by
 //! [`solve`]) → results → [`report`]. Imports run downward in the list below; there are no cycles.
+#![forbid(unsafe_code)]
 
 pub mod command;
 pub mod report;

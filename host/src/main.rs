@@ -1,4 +1,5 @@
 //! The `host` binary: the verbs of the command line.
+#![forbid(unsafe_code)]
 
 use std::process::ExitCode;
 

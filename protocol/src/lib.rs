@@ -59,6 +59,7 @@
 //! # Ok::<(), message::WriteError>(())
 //! ```
 #![cfg_attr(not(test), no_std)]
+#![forbid(unsafe_code)]
 
 pub mod budget;
 pub mod clock;

@@ -1,4 +1,5 @@
 //! Helpers of the stories: the `host` binary run as a process, scratch folders, the folder of independent recordings.
+#![forbid(unsafe_code)]
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};

@@ -1,0 +1,35 @@
+//! Doggy: three joints by yaw, pitch and roll, an encoder on each motor, a gyro on the first and on the last body.
+//!
+//! The same figures as in the host's description of the robot; a test across both crates holds them together.
+
+use protocol::motion::Limits;
+use protocol::{EncoderInfo, GyroInfo, Side};
+
+use crate::config::{Config, ConfigError, JointSetup};
+use crate::driver::GyroRange;
+
+/// Range of both gyros.
+pub const GYRO_RANGE: GyroRange = GyroRange::Dps1000;
+
+/// What the control core must know of Doggy.
+///
+/// # Errors
+/// None: a test builds it.
+pub fn doggy() -> Result<Config, ConfigError> {
+    let joint = |max: f32, coast_s: f32| JointSetup { coast_s, ..JointSetup::new(Limits { min: -max, max }) };
+    let joints = [joint(1.0, 0.1), joint(0.6, 0.1), joint(0.6, 0.1)];
+    let encoders = [0, 1, 2].map(|joint| EncoderInfo {
+        joint,
+        side: Side::Motor,
+        counts_per_turn: 1024,
+        gear: 42.092,
+        offset_us: 0,
+    });
+    let gyros = [0, 2].map(|body| GyroInfo {
+        body,
+        rad_s_per_lsb: GYRO_RANGE.lsb_rad_s(),
+        saturated_at: i16::MAX as u16,
+        offset_us: 0,
+    });
+    Config::new("doggy", &joints, &encoders, &gyros)
+}

@@ -1,0 +1,5 @@
+//! The robots that an image can be built for.
+
+mod doggy;
+
+pub use doggy::doggy;
