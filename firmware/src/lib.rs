@@ -45,6 +45,7 @@ pub mod config;
 pub mod constants;
 pub mod control;
 pub mod driver;
+pub mod lockstep;
 pub mod motion;
 pub mod queues;
 mod receive;

@@ -1,0 +1,199 @@
+//! The exchange of a tick.
+
+use protocol::Duty;
+
+use super::bytes::{Reader, Writer};
+use super::{Answer, MAX_HOST_BYTES, MAX_MESSAGE, MOTORS, Malformed, Transfer};
+
+/// Bit of [`Sensors::pins`]: the emergency stop is pressed.
+pub const PINS_EMERGENCY_STOP: u8 = 1 << 0;
+/// Bit of [`Sensors::pins`]: the supply is too low.
+pub const PINS_BROWN_OUT: u8 = 1 << 1;
+
+/// Bytes of the burst that reads the gyro on SPI, both ways.
+pub const SPI_BURST: usize = 10;
+/// Bytes of the burst that reads the gyro on I²C.
+pub const I2C_BURST: usize = 16;
+
+/// What the board says at t_k.
+///
+/// ```text
+///    6      12     13              17              21             23         33       34
+///   │duty  │fed   │cycles of the  │cycles of the  │deepest stack│SPI burst │address │register
+///   │3×i16 │bool  │last begin u32 │last tick u32  │bytes u16    │10 bytes  │        │
+/// ```
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Tick {
+    /// Duty in force from t_k on.
+    pub duty: [Duty; MOTORS],
+    /// The watchdog was fed since the last period.
+    pub fed: bool,
+    /// Cycles of the period before: of its first phase, without the exchange.
+    pub begin_cycles: u32,
+    /// Of its second phase.
+    pub tick_cycles: u32,
+    /// High-water mark of the stack, bytes.
+    pub stack_bytes: u16,
+    /// What the firmware shifts out to read the gyro on SPI.
+    pub spi: [u8; SPI_BURST],
+    /// Address of the gyro on I²C, and the register from which [`I2C_BURST`] bytes are read.
+    pub i2c: [u8; 2],
+}
+
+/// What the world answers: everything that the pins show in this period. Places count from behind the length.
+///
+/// ```text
+///    0         6       7         17      18        34    35      36       38     39
+///   │counters │SPI ok │answer   │I²C ok │answer   │pins │ordeal│by      │count │bytes from the host …
+///   │3×u16    │bool   │10 bytes │bool   │16 bytes │     │      │u16     │      │
+/// ```
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Sensors {
+    /// Hardware counters of the encoders at t_k.
+    pub counters: [u16; MOTORS],
+    /// Answer of the gyro on SPI; none if the transfer did not end.
+    pub spi: Option<[u8; SPI_BURST]>,
+    /// Answer of the gyro on I²C; none if nobody acknowledged or the transfer did not end.
+    pub i2c: Option<[u8; I2C_BURST]>,
+    /// [`PINS_EMERGENCY_STOP`], [`PINS_BROWN_OUT`].
+    pub pins: u8,
+    /// What befalls the processor.
+    pub ordeal: Ordeal,
+    /// What the host sent in the period before.
+    pub host: heapless::Vec<u8, MAX_HOST_BYTES>,
+}
+
+/// What befalls the processor in this tick. A real board has nothing like it; it is how tests bring about what the
+/// firmware must survive.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Ordeal {
+    /// Nothing.
+    #[default]
+    None,
+    /// The tick takes so much longer, µs.
+    Delay(u16),
+    /// The next call for received bytes panics.
+    PanicInCommands,
+    /// The next bytes to be sent never leave: the telemetry task hangs.
+    TelemetryHangs,
+    /// The watchdog has bitten: the processor does nothing until its reset.
+    Halt,
+}
+
+impl Tick {
+    pub(super) fn write(&self, w: &mut Writer<'_>) -> Result<(), Malformed> {
+        for duty in self.duty {
+            w.put(duty.0.to_le_bytes())?;
+        }
+        w.put([u8::from(self.fed)])?;
+        w.put(self.begin_cycles.to_le_bytes())?;
+        w.put(self.tick_cycles.to_le_bytes())?;
+        w.put(self.stack_bytes.to_le_bytes())?;
+        w.put(self.spi)?;
+        w.put(self.i2c)
+    }
+
+    pub(super) fn read(r: &mut Reader<'_>) -> Result<Self, Malformed> {
+        let mut duty = [Duty::ZERO; MOTORS];
+        for duty in &mut duty {
+            *duty = Duty(i16::from_le_bytes(r.take()?));
+        }
+        Ok(Self {
+            duty,
+            fed: flag(r)?,
+            begin_cycles: r.u32()?,
+            tick_cycles: r.u32()?,
+            stack_bytes: u16::from_le_bytes(r.take()?),
+            spi: r.take()?,
+            i2c: r.take()?,
+        })
+    }
+}
+
+impl Sensors {
+    /// Writes the message; returns its length. `out` of [`MAX_MESSAGE`] bytes is always enough.
+    ///
+    /// # Errors
+    /// [`Malformed`] if `out` is too small.
+    pub fn write(&self, out: &mut [u8]) -> Result<usize, Malformed> {
+        const { assert!(1 + 39 + MAX_HOST_BYTES <= MAX_MESSAGE) };
+        let mut w = Writer::after_length(out);
+        for counter in self.counters {
+            w.put(counter.to_le_bytes())?;
+        }
+        w.put([u8::from(self.spi.is_some())])?;
+        w.put(self.spi.unwrap_or_default())?;
+        w.put([u8::from(self.i2c.is_some())])?;
+        w.put(self.i2c.unwrap_or_default())?;
+        let (ordeal, by) = match self.ordeal {
+            Ordeal::None => (0, 0),
+            Ordeal::Delay(us) => (1, us),
+            Ordeal::PanicInCommands => (2, 0),
+            Ordeal::TelemetryHangs => (3, 0),
+            Ordeal::Halt => (4, 0),
+        };
+        w.put([self.pins, ordeal])?;
+        w.put(u16::to_le_bytes(by))?;
+        // At most MAX_HOST_BYTES.
+        w.put([self.host.len() as u8])?;
+        w.slice(&self.host)?;
+        w.finish()
+    }
+
+    /// Reads a message without its length.
+    ///
+    /// # Errors
+    /// [`Malformed`] if it is none of this version.
+    pub fn read(message: &[u8]) -> Result<Self, Malformed> {
+        let mut r = Reader(message);
+        let mut sensors = Self::default();
+        for counter in &mut sensors.counters {
+            *counter = u16::from_le_bytes(r.take()?);
+        }
+        let (spi_ok, spi) = (flag(&mut r)?, r.take()?);
+        sensors.spi = spi_ok.then_some(spi);
+        let (i2c_ok, i2c) = (flag(&mut r)?, r.take()?);
+        sensors.i2c = i2c_ok.then_some(i2c);
+        let [pins, ordeal] = r.take()?;
+        let by = u16::from_le_bytes(r.take()?);
+        sensors.pins = pins;
+        sensors.ordeal = match ordeal {
+            0 => Ordeal::None,
+            1 => Ordeal::Delay(by),
+            2 => Ordeal::PanicInCommands,
+            3 => Ordeal::TelemetryHangs,
+            4 => Ordeal::Halt,
+            _ => return Err(Malformed),
+        };
+        let [count] = r.take()?;
+        if r.0.len() != usize::from(count) {
+            return Err(Malformed);
+        }
+        sensors.host = heapless::Vec::from_slice(r.0).map_err(|_| Malformed)?;
+        Ok(sensors)
+    }
+}
+
+impl Answer {
+    /// The answer as an array, if it came and has this length.
+    pub fn burst<const N: usize>(&self) -> Option<[u8; N]> {
+        match self {
+            Self::Bytes(bytes) => bytes.as_slice().try_into().ok(),
+            Self::Nothing => None,
+        }
+    }
+}
+
+impl From<Option<Transfer>> for Answer {
+    fn from(answer: Option<Transfer>) -> Self {
+        answer.map_or(Self::Nothing, Self::Bytes)
+    }
+}
+
+fn flag(r: &mut Reader<'_>) -> Result<bool, Malformed> {
+    match r.take()? {
+        [0] => Ok(false),
+        [1] => Ok(true),
+        _ => Err(Malformed),
+    }
+}
