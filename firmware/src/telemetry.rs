@@ -1,6 +1,7 @@
 //! Samples and answers become bytes for the host.
 
 use protocol::budget;
+use protocol::frame::DELIMITER;
 use protocol::message::{LOG_PIECE, MAX_TO_HOST_FRAME, WriteError, write_report, write_sample};
 use protocol::{Hello, Report};
 
@@ -14,6 +15,8 @@ pub struct Telemetry {
     hello: Hello,
     /// Bytes of the log that were sent.
     log_bytes: u32,
+    /// Whether the last of them ended a frame.
+    log_whole: bool,
     /// Samples sent since the last piece of the log.
     samples: u32,
 }
@@ -24,7 +27,7 @@ const SAMPLES_PER_PIECE: u32 = 1_000_000 / TICK_US / budget::LOG.per_s;
 impl Telemetry {
     /// For a robot.
     pub fn new(config: &Config) -> Self {
-        Telemetry { hello: config.hello.clone(), log_bytes: 0, samples: 0 }
+        Telemetry { hello: config.hello.clone(), log_bytes: 0, log_whole: true, samples: 0 }
     }
 
     /// Writes as many whole frames as there are and fit, answers before samples; returns the bytes written. With
@@ -53,18 +56,22 @@ impl Telemetry {
     /// many. To be called when [`Telemetry::transmit`] has nothing more.
     ///
     /// One piece goes out every 20 samples, so only while the stream is on: what a start has to say waits in the log's
-    /// ring until somebody records.
+    /// ring until somebody records. A piece at the beginning of a frame opens with the delimiter, so that a host which
+    /// did not hear the piece before knows where it stands.
     pub fn transmit_log(&mut self, out: &mut [u8], take: impl FnOnce(&mut [u8]) -> usize) -> usize {
         if self.samples < SAMPLES_PER_PIECE || out.len() < MAX_TO_HOST_FRAME {
             return 0;
         }
         let mut bytes = [0; LOG_PIECE];
-        let n = take(&mut bytes).min(LOG_PIECE);
-        if n == 0 {
+        let opening = usize::from(self.log_whole);
+        let taken = take(&mut bytes[opening..]).min(LOG_PIECE - opening);
+        if taken == 0 {
             return 0;
         }
+        let n = opening + taken;
         let at = self.log_bytes;
         self.log_bytes = at.wrapping_add(n as u32);
+        self.log_whole = bytes[n - 1] == DELIMITER;
         self.samples = 0;
         let bytes = bytes[..n].iter().copied().collect();
         // There is room for any frame.

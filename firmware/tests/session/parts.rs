@@ -183,8 +183,9 @@ fn the_log_follows_the_samples() {
     let mut telemetry = Telemetry::new(&config);
     let mut receiver = Receiver::new();
     let mut queues = Queues::new();
-    let said: Vec<u8> = (0..200).collect();
-    let (mut taken, mut pieces) = (0, Vec::new());
+    // Frames of 63 and 100 bytes, each with its delimiter.
+    let said: Vec<u8> = [62, 99].into_iter().flat_map(|n| (1..=n).chain([0])).collect();
+    let (mut taken, mut pieces, mut heard) = (0, Vec::new(), Vec::<u8>::new());
     let mut line = [0; MAX_TO_HOST_FRAME];
     for k in 0..1000u32 {
         let (mut tick_ends, mut telemetry_ends, mut commands) = queues.split();
@@ -211,10 +212,13 @@ fn the_log_follows_the_samples() {
             else {
                 panic!("not a piece of the log")
             };
-            assert_eq!(bytes, said[at as usize..at as usize + bytes.len()]);
-            pieces.push((k, at, bytes.len()));
+            assert_eq!(at as usize, heard.len());
+            heard.extend(&bytes);
+            pieces.push((k, bytes.len(), bytes[0] == 0));
         }
     }
     // 50 samples of the first stream carry two pieces, and ten that are left count for the second one.
-    assert_eq!(pieces, [(119, 0, 64), (139, 64, 64), (509, 128, 64), (529, 192, 8)]);
+    // A piece at the beginning of a frame opens with the delimiter.
+    assert_eq!(pieces, [(119, 64, true), (139, 64, true), (509, 37, false)]);
+    assert_eq!([&heard[1..64], &heard[65..]].concat(), said);
 }
