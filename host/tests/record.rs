@@ -1,5 +1,8 @@
 //! Stories of `host record`: the binary against a scripted device behind a pseudo-terminal.
 
+#[path = "../src/link/tests/firmware.rs"]
+#[allow(dead_code, reason = "the link's own tests use the rest of it")]
+mod firmware;
 #[path = "../src/link/tests/peer.rs"]
 #[allow(dead_code, reason = "the link's own tests use the rest of it")]
 mod peer;
@@ -12,7 +15,8 @@ use std::time::{Duration, Instant};
 
 use host::recording;
 use peer::{Doggy, Peer, Script, Wire, doggy};
-use protocol::{Command, Report, ToDevice};
+use protocol::hello::PanicPlace;
+use protocol::{Command, Report, ResetReason, ToDevice};
 
 /// A folder, and a recording to be made in it.
 struct Desk {
@@ -124,6 +128,74 @@ fn what_cannot_work_says_what_to_do_and_leaves_no_file() {
             assert!(said.contains(part), "{port} {more:?}: {part} is not in: {said}");
         }
         assert!(!desk.file("run.mcap").exists(), "{port} {more:?}");
+    }
+}
+
+#[test]
+fn the_firmware_s_log_is_shown_and_kept() {
+    let logging = |code: &[u8]| {
+        let mut doggy = Doggy { seq: 5000, ..Doggy::default() };
+        doggy.hello.code_crc = Some(protocol::frame::crc32(code));
+        let stream = [vec![0], firmware::started(250_000, "\u{1b}[2Jdoggy", 5), firmware::late(5_300_000, 2)].concat();
+        doggy.reports = vec![Report::Defmt { at: 0, bytes: stream.into_iter().collect() }];
+        Peer::start(doggy)
+    };
+    let desk = Desk::new();
+    let elf = desk.file("firmware.elf");
+    std::fs::write(&elf, firmware::elf(b"code")).unwrap();
+    let motion = desk.short_motion();
+    let record = |peer: &Peer, more: &[&str]| {
+        let _ = std::fs::remove_file(desk.file("run.mcap"));
+        let arguments = [&["--motion", motion.as_str()], more].concat();
+        let (code, said) = ended(desk.record(&peer.path, &arguments).output().unwrap());
+        assert_eq!(code, 0, "{said}");
+        (said, recording::read(&desk.file("run.mcap")).unwrap())
+    };
+    let elf = elf.to_str().unwrap();
+
+    let (said, run) = record(&logging(b"code"), &["--elf", elf]);
+    // A pipe gets no colours, and what a device sends commands no terminal.
+    assert!(said.contains("    0.250000 INFO  started: \\u{1b}[2Jdoggy, 5 parts\n"), "{said}");
+    assert!(said.contains("    5.300000 WARN  gyro 2 answers late\n") && !said.contains('\u{1b}'), "{said}");
+    let log: Vec<_> = run.log.iter().map(|line| (line.t_us, line.level.name(), line.message.as_str())).collect();
+    assert_eq!(
+        log,
+        [(250_000, "info", "started: \u{1b}[2Jdoggy, 5 parts"), (5_300_000, "warn", "gyro 2 answers late")]
+    );
+
+    let (said, _) = record(&logging(b"code"), &["--elf", elf, "--quiet"]);
+    assert!(said.contains("gyro 2 answers late") && !said.contains("started"), "{said}");
+
+    let (said, run) = record(&logging(b"another"), &["--elf", elf]);
+    assert!(said.contains("is not the program that runs on the device") && said.contains("flash"), "{said}");
+    assert!(run.log.is_empty() && run.len() >= 750, "the recording goes on");
+
+    let (said, _) = record(&logging(b"code"), &[]);
+    assert_eq!(said.matches("--elf").count(), 1, "{said}");
+}
+
+#[test]
+fn an_end_that_was_not_ordinary_is_told() {
+    let started = |reset, panic| {
+        let mut doggy = Doggy::default();
+        (doggy.hello.reset, doggy.hello.panic) = (reset, panic);
+        let (desk, peer) = (Desk::new(), Peer::start(doggy));
+        let (_, said) = ended(desk.record(&peer.path, &["--motion", &desk.short_motion()]).output().unwrap());
+        let check = Process::new(env!("CARGO_BIN_EXE_host")).arg("check").arg(desk.file("run.mcap")).output().unwrap();
+        (said, String::from_utf8(check.stdout).unwrap() + &String::from_utf8(check.stderr).unwrap())
+    };
+    let (said, checked) = started(ResetReason::PowerOn, None);
+    assert!(said.contains("started: power came on") && !said.contains("warning"), "{said}");
+    assert!(!checked.contains("started") && !checked.contains("power"), "{checked}");
+    let place = PanicPlace { file: protocol::units::text("src/main.rs"), line: 88 };
+    for (reset, panic, expected) in [
+        (ResetReason::Panic, Some(place), "restarted by a panic of the firmware at src/main.rs:88"),
+        (ResetReason::Watchdog, None, "restarted by its watchdog"),
+        (ResetReason::BrownOut, None, "restarted by a supply that fell too low"),
+    ] {
+        let (said, checked) = started(reset, panic);
+        assert!(said.contains("warning: ") && said.contains(expected), "{said}");
+        assert!(checked.contains(expected), "{checked}");
     }
 }
 

@@ -11,7 +11,10 @@ use protocol::budget::{self, BAUD};
 
 use super::simulate::{say_faults, simulate_failure, simulated_port, write_truth};
 use super::{Exit, Failure, LiveFile, Ui, robot_failure};
-use crate::link::{self, CaptureError, Captured, Device, LinkError, Options, Ready, ScaleError, Stopper, Zero};
+use crate::link::{
+    self, CaptureError, Captured, Device, Dictionary, ElfError, LinkError, News, Options, Ready, Restart, ScaleError,
+    Stopper, Zero, reset_name,
+};
 use crate::robot::Robot;
 
 /// Play a motion on a robot and record it
@@ -33,6 +36,9 @@ pub struct Args {
     /// Take the present pose as zero: the robot is held in its marked pose
     #[arg(long)]
     set_zero: bool,
+    /// Show and keep the firmware's log: the ELF file that was flashed
+    #[arg(long, value_name = "FIRMWARE")]
+    elf: Option<PathBuf>,
     /// The motion starts in this tick of the device, which counts from 0 when it starts [default: the next one]
     #[arg(long, value_name = "N")]
     start_tick: Option<u32>,
@@ -52,6 +58,7 @@ pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
     let file = LiveFile::claim(&args.output, args.force)?;
     let mut robot = args.robot.as_deref().map(Robot::load).transpose().map_err(robot_failure)?;
     let wanted = Wanted::of(&args.motion)?;
+    let dictionary = args.elf.as_deref().map(Dictionary::load).transpose().map_err(elf_failure)?;
     let simulated = simulated_port(&args.port, args.force)?;
     let interrupt = Interrupt::listen()?;
 
@@ -68,7 +75,21 @@ pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
     interrupt.guards(device.stopper());
     drop(connecting);
     let identity = &device.hello().identity;
-    ui.say(format_args!("{}: {}, firmware {}", args.port, identity.robot, identity.firmware_version));
+    let started = reset_name(device.hello().reset);
+    ui.say(format_args!(
+        "{}: {}, firmware {}, started: {started}",
+        args.port, identity.robot, identity.firmware_version
+    ));
+    if let Some(Restart { by, advice }) = link::restart(device.hello()) {
+        ui.warn(format_args!("the device was restarted by {by}"), advice);
+    }
+    let dictionary = dictionary.filter(|dictionary| match dictionary.fits(device.hello()) {
+        Ok(()) => true,
+        Err(error) => {
+            ui.warn(format_args!("the firmware's log is not read: {error}"), error.advice());
+            false
+        }
+    });
     let ticks_per_s = 1_000_000 / u32::from(device.hello().tick_us);
     if !budget::carries(&device.hello().layout, ticks_per_s, args.baud) {
         return Err(Failure::usage(format!("{} baud cannot carry {ticks_per_s} samples a second", args.baud))
@@ -88,17 +109,17 @@ pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
     if let Some(tick) = args.start_tick {
         ready = ready.starting_at(tick);
     }
+    if let Some(dictionary) = dictionary {
+        ready = ready.reading_log(dictionary);
+    }
     drop(preparing);
     interrupt.recording.store(true, Relaxed);
     let bar = ui.progress("starting", 1000);
-    let captured = ready.run(file.create()?, &interrupt.wished, |now| {
-        bar.stage(now.stage.unwrap_or("starting"));
-        bar.at(now.per_mille());
-        let (rate_hz, lost) = (now.rate_hz, now.balance.missing);
-        bar.note(match now.starts_in_ticks {
-            Some(ticks) => format!("{rate_hz:.0} Hz, {lost} lost, starts in {ticks} ticks"),
-            None => format!("{rate_hz:.0} Hz, {lost} lost"),
-        });
+    let captured = ready.run(file.create()?, &interrupt.wished, |news| match news {
+        News::Progress(now) => show(&bar, &now),
+        News::Log(line) => ui.firmware(line),
+        News::LogUnread if args.elf.is_some() => {}
+        News::LogUnread => ui.say("the firmware logs; --elf FIRMWARE, the file that was flashed, shows it"),
     });
     drop(bar);
     let balance = device.balance();
@@ -126,10 +147,17 @@ pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
 }
 
 fn say_captured(ui: &Ui, args: &Args, captured: &Captured) {
-    let Captured { samples, duration_s, balance, refused } = captured;
+    let Captured { samples, duration_s, balance, refused, log } = captured;
     ui.say(format_args!("{}: {samples} samples in {duration_s:.1} s, {}", args.output.display(), losses(balance)));
     if *refused > 0 {
-        ui.say(format_args!("warning: {refused} samples could not follow the ones before them and were left out"));
+        let what = format_args!("{refused} samples could not follow the ones before them and were left out");
+        ui.warn(what, "reset the device before the next recording");
+    }
+    if log.lost_bytes + log.unread_frames > 0 {
+        ui.say(format_args!(
+            "the firmware's log: {} lines, {} not readable, {} bytes lost on the line",
+            log.lines, log.unread_frames, log.lost_bytes
+        ));
     }
 }
 
@@ -143,6 +171,17 @@ fn losses(balance: &crate::recording::LossBalance) -> String {
         balance.damaged_frames,
         if balance.closed { "" } else { "; not confirmed by the device" }
     )
+}
+
+/// How far it is, on the terminal.
+fn show(bar: &super::Progress, now: &link::Progress<'_>) {
+    bar.stage(now.stage.unwrap_or("starting"));
+    bar.at(now.per_mille());
+    let (rate_hz, lost) = (now.rate_hz, now.balance.missing);
+    bar.note(match now.starts_in_ticks {
+        Some(ticks) => format!("{rate_hz:.0} Hz, {lost} lost, starts in {ticks} ticks"),
+        None => format!("{rate_hz:.0} Hz, {lost} lost"),
+    });
 }
 
 /// What the user wants played.
@@ -233,6 +272,13 @@ impl Interrupt {
     fn guards(&self, stopper: Stopper) {
         *self.guarded.lock().unwrap_or_else(|e| e.into_inner()) = Some(stopper);
     }
+}
+
+/// A file that does not help to read the firmware's log.
+fn elf_failure(error: ElfError) -> Failure {
+    let advice = error.advice();
+    let exit = if matches!(error, ElfError::Open { .. }) { Exit::Device } else { Exit::Data };
+    Failure::new(exit, error).advice(advice)
 }
 
 /// A device that cannot be used.

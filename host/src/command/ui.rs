@@ -3,10 +3,12 @@
 use std::io::{self, IsTerminal, Write};
 use std::time::Duration;
 
+use console::Style;
 use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
 use tracing_subscriber::filter::LevelFilter;
 
 use super::Failure;
+use crate::recording::{LogLevel, LogLine};
 
 /// Options that every verb takes.
 #[derive(Debug, clap::Args)]
@@ -56,9 +58,43 @@ impl Ui {
     /// One line for the human reader, to stderr. Silent under `--quiet`.
     pub fn say(&self, line: impl std::fmt::Display) {
         if !self.quiet {
-            // A closed stderr leaves nobody to tell.
-            let _ = self.bars.suspend(|| writeln!(io::stderr(), "{line}"));
+            self.line(format_args!("{line}"));
         }
+    }
+
+    /// What the user should know although the work goes on, and what to do about it. Said under `--quiet` as well.
+    pub fn warn(&self, what: impl std::fmt::Display, advice: &str) {
+        let word = Style::new().for_stderr().yellow().apply_to("warning:");
+        self.line(format_args!("{word} {what}\n    {advice}"));
+    }
+
+    /// A line that the firmware logged: device time, level, message, place. Under `--quiet` only warnings and errors.
+    pub fn firmware(&self, line: &LogLine) {
+        if self.quiet && line.level < LogLevel::Warn {
+            return;
+        }
+        let style = Style::new().for_stderr();
+        let colour = match line.level {
+            LogLevel::Error => style.clone().red(),
+            LogLevel::Warn => style.clone().yellow(),
+            LogLevel::Info => style.clone().green(),
+            LogLevel::Debug | LogLevel::Trace => style.clone().dim(),
+        };
+        let level = colour.apply_to(format!("{:<5}", line.level.name().to_uppercase()));
+        let place = line.place.as_ref().map(|place| format!("  {}", style.dim().apply_to(place)));
+        let t_s = line.t_us as f64 * 1e-6;
+        // What a device sends is printed, never obeyed by the terminal.
+        let message: String = line
+            .message
+            .chars()
+            .flat_map(|c| if c.is_control() { c.escape_default().collect() } else { vec![c] })
+            .collect();
+        self.line(format_args!("{t_s:>12.6} {level} {message}{}", place.unwrap_or_default()));
+    }
+
+    fn line(&self, line: std::fmt::Arguments<'_>) {
+        // A closed stderr leaves nobody to tell.
+        let _ = self.bars.suspend(|| writeln!(io::stderr(), "{line}"));
     }
 
     /// Text to stdout. A reader that went away (`| head`) is no failure.

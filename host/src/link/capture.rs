@@ -9,29 +9,20 @@
 //! Whatever goes wrong after the start, the stop goes out first; then the file is closed as well as it can be.
 
 use std::fs::File;
-use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
-use std::time::{Duration, Instant};
+use std::sync::atomic::AtomicBool;
 
 use protocol::motion::Limits;
-use protocol::{Fault, Flags, Motion, MotionEnd, MotionError, MotionId, Sample, Segment, State, Status};
+use protocol::{Fault, Motion, MotionEnd, MotionError, MotionId, State, Status};
 
-use super::{Arrival, Device, LinkError, ScaleError, Scales, words};
+use super::log::{Dictionary, LogCounts, LogReader};
+use super::take::Take;
+use super::{Device, LinkError, ScaleError, Scales, words};
 use crate::recording::mcap::{Disk, WriteError, Writer};
-use crate::recording::{Event, LossBalance, MotionFile, Session, Severity};
+use crate::recording::{LogLine, LossBalance, MotionFile, Session};
 use crate::robot::Robot;
 
 /// The number under which motions are uploaded.
-const MOTION: MotionId = MotionId(1);
-/// How long samples may stay away.
-const SILENCE: Duration = Duration::from_secs(2);
-/// How often the caller is told of progress, and looked at for a wish to stop.
-const LOOK: Duration = Duration::from_millis(100);
-/// Ticks that are recorded after the end of the motion.
-const TAIL_TICKS: u64 = 250;
-/// Device time between two balances in the file, for a reader of a recording that was cut off, µs.
-const BALANCE_US: u64 = 1_000_000;
-/// Ticks within which an accepted start must be seen in the samples.
-const START_TICKS: u64 = 2000;
+pub(super) const MOTION: MotionId = MotionId(1);
 
 /// Why a recording was not made, or not to its end.
 #[derive(Debug, thiserror::Error)]
@@ -82,6 +73,7 @@ pub struct Ready<'a> {
     scales: Scales,
     session: Session,
     start_tick: Option<u32>,
+    log: Option<LogReader>,
 }
 
 impl CaptureError {
@@ -112,7 +104,18 @@ pub enum Zero {
     Keep,
 }
 
-/// How far it is, a few times a second.
+/// What the caller is told while a recording is made.
+#[derive(Debug, Clone, Copy)]
+pub enum News<'a> {
+    /// How far it is, a few times a second.
+    Progress(Progress<'a>),
+    /// The firmware logged a line, which is in the file as well.
+    Log(&'a LogLine),
+    /// The firmware logs and there is no [`Dictionary`] to read it with. Told once.
+    LogUnread,
+}
+
+/// How far a recording is.
 #[derive(Debug, Clone, Copy)]
 pub struct Progress<'a> {
     /// Name of the stage, once the motion runs.
@@ -147,6 +150,8 @@ pub struct Captured {
     pub balance: LossBalance,
     /// Samples that arrived but could not follow the ones before them.
     pub refused: u64,
+    /// What became of the firmware's log.
+    pub log: LogCounts,
 }
 
 impl<'a> Ready<'a> {
@@ -176,7 +181,7 @@ impl<'a> Ready<'a> {
         session.motion = Some(MotionFile { name: motion.name.as_str().to_owned(), toml: motion_text });
         session.zero_rad = scales.zero().to_vec();
         session.firmware = Some(words::firmware(device.hello()));
-        Ok(Self { device, motion, scales, session, start_tick: None })
+        Ok(Self { device, motion, scales, session, start_tick: None, log: None })
     }
 
     /// The motion starts in this tick of the device instead of at once; what comes before is recorded as well. A device
@@ -186,28 +191,28 @@ impl<'a> Ready<'a> {
         Self { start_tick: Some(tick), ..self }
     }
 
-    /// Plays the motion and records it into a new, empty file. `watch` is told of progress a few times a second; `stop`
-    /// ends it early.
+    /// The firmware's log is read with this dictionary, which [fits](Dictionary::fits) the device.
+    #[must_use]
+    pub fn reading_log(self, dictionary: Dictionary) -> Self {
+        Self { log: Some(LogReader::new(dictionary)), ..self }
+    }
+
+    /// Plays the motion and records it into a new, empty file. `tell` is told of progress and of the firmware's log;
+    /// `stop` ends it early.
     ///
     /// # Errors
     /// [`CaptureError`]. The robot is stopped, and the file holds what was recorded until then with its balance.
-    pub fn run(
-        self,
-        file: File,
-        stop: &AtomicBool,
-        mut watch: impl FnMut(&Progress<'_>),
-    ) -> Result<Captured, CaptureError> {
-        let Self { device, motion, scales, session, start_tick } = self;
-        let mut take = Take::new(Writer::new(Disk::new(file), &session)?, scales);
-        take.counts.start_tick = start_tick;
-        let played = take.play(device, motion, stop, &mut watch);
+    pub fn run(self, file: File, stop: &AtomicBool, mut tell: impl FnMut(News<'_>)) -> Result<Captured, CaptureError> {
+        let Self { device, motion, scales, session, start_tick, log } = self;
+        let mut take = Take::new(Writer::new(Disk::new(file), &session)?, scales, log, start_tick, &mut tell);
+        let played = take.play(device, motion, stop);
         if played.is_err() {
             // Before anything that may take its time.
             device.stopper().stop();
         }
         let status = take.end_stream(device);
         let balance = device.balance();
-        let counts = take.counts;
+        let (counts, log) = (take.counts, take.log_counts());
         let filed = take.close(&balance);
         played?;
         filed?;
@@ -217,7 +222,7 @@ impl<'a> Ready<'a> {
             _ => return Err(CaptureError::NeverStarted),
         };
         let why = match end {
-            MotionEnd::Finished => return Ok(counts.captured(balance)),
+            MotionEnd::Finished => return Ok(counts.captured(balance, log)),
             MotionEnd::Stopped => "by a request of the host".to_owned(),
             MotionEnd::Fault(fault) => fault.to_string(),
         };
@@ -229,190 +234,4 @@ impl<'a> Ready<'a> {
 /// Where the joints of a robot may be, as motions know it.
 pub fn joint_limits(robot: &Robot) -> Vec<Limits> {
     robot.joints.iter().map(|joint| Limits { min: joint.limits[0] as f32, max: joint.limits[1] as f32 }).collect()
-}
-
-/// A recording under way.
-struct Take {
-    writer: Writer<Disk>,
-    scales: Scales,
-    counts: Counts,
-}
-
-/// Where it stands.
-#[derive(Debug, Clone, Copy, Default)]
-struct Counts {
-    samples: u64,
-    refused: u64,
-    /// Where the motion is to start, as the device counts.
-    start_tick: Option<u32>,
-    first_us: Option<u64>,
-    last_us: u64,
-    first_seq: Option<u64>,
-    last_seq: u64,
-    /// Segment, and when it began.
-    phase: Option<usize>,
-    phase_us: u64,
-    /// First tick after the motion.
-    ended_seq: Option<u64>,
-    balance_us: u64,
-}
-
-impl Take {
-    fn new(writer: Writer<Disk>, scales: Scales) -> Self {
-        Self { writer, scales, counts: Counts::default() }
-    }
-
-    /// From the first sample to the last of the motion, and a little more.
-    fn play(
-        &mut self,
-        device: &mut Device,
-        motion: &Motion,
-        stop: &AtomicBool,
-        watch: &mut impl FnMut(&Progress<'_>),
-    ) -> Result<(), CaptureError> {
-        device.stream()?;
-        device.start(MOTION, self.counts.start_tick)?;
-        let (mut looked, mut looked_samples, mut heard) = (Instant::now(), 0, Instant::now());
-        loop {
-            let arrival = device.next(LOOK)?;
-            let now = Instant::now();
-            match arrival {
-                Some(arrival) => {
-                    if matches!(arrival, Arrival::Sample { .. }) {
-                        heard = now;
-                    }
-                    self.keep(device, arrival)?;
-                }
-                None => self.writer.flush()?,
-            }
-            if stop.load(Relaxed) {
-                return Err(CaptureError::Interrupted);
-            }
-            if now - heard > SILENCE {
-                return Err(LinkError::Silent { waited: SILENCE }.into());
-            }
-            if self.counts.is_over() {
-                return Ok(());
-            }
-            if now - looked >= LOOK {
-                let rate_hz = (self.counts.samples - looked_samples) as f64 / (now - looked).as_secs_f64();
-                (looked, looked_samples) = (now, self.counts.samples);
-                watch(&self.counts.progress(motion, rate_hz, device.balance()));
-            }
-        }
-    }
-
-    /// Ends the stream and takes what is still under way.
-    fn end_stream(&mut self, device: &mut Device) -> Result<Status, LinkError> {
-        let status = device.end_stream();
-        while let Ok(Some(arrival)) = device.next(Duration::ZERO) {
-            if let Err(error) = self.keep(device, arrival) {
-                // The file fails; closing it will say so again.
-                tracing::warn!("{error}");
-                break;
-            }
-        }
-        status
-    }
-
-    /// Writes the balance and closes the file.
-    fn close(mut self, balance: &LossBalance) -> Result<(), WriteError> {
-        self.writer.balance(balance)?;
-        self.writer.finish()?.sync().map_err(|error| WriteError::File(error.into()))
-    }
-
-    fn keep(&mut self, device: &Device, arrival: Arrival) -> Result<(), WriteError> {
-        let (seq, t_us, (severity, text)) = match arrival {
-            Arrival::Sample { seq, t_us, sample } => return self.sample(device, seq, t_us, &sample),
-            Arrival::Event { seq, t_us, kind } => (seq, t_us, words::event(&kind)),
-            Arrival::Loss(loss) => (self.counts.last_seq, self.counts.last_us, words::loss(&loss)),
-            Arrival::Log { level, text } => (self.counts.last_seq, self.counts.last_us, (words::level(level), text)),
-            // Only the firmware's image tells what they mean.
-            Arrival::Defmt { bytes, .. } => {
-                tracing::debug!("{} bytes of the device's defmt log", bytes.len());
-                return Ok(());
-            }
-        };
-        match severity {
-            Severity::Note => tracing::info!("{text}"),
-            Severity::Warning | Severity::Error => tracing::warn!("{text}"),
-        }
-        self.writer.event(&Event { t_us, seq, severity, text })
-    }
-
-    fn sample(&mut self, device: &Device, seq: u64, t_us: u64, sample: &Sample) -> Result<(), WriteError> {
-        match self.writer.push(&self.scales.row(seq, t_us, sample)) {
-            Ok(()) => self.counts.sample(seq, t_us, sample),
-            Err(WriteError::Row(error)) => {
-                tracing::warn!("a sample was left out: {error}");
-                self.counts.refused += 1;
-            }
-            Err(error) => return Err(error),
-        }
-        if t_us.saturating_sub(self.counts.balance_us) >= BALANCE_US {
-            self.counts.balance_us = t_us;
-            self.writer.balance(&device.balance())?;
-        }
-        Ok(())
-    }
-}
-
-impl Counts {
-    fn sample(&mut self, seq: u64, t_us: u64, sample: &Sample) {
-        self.samples += 1;
-        self.first_us.get_or_insert(t_us);
-        self.first_seq.get_or_insert(seq);
-        (self.last_seq, self.last_us) = (seq, t_us);
-        if sample.flags.contains(Flags::RUNNING) {
-            let phase = usize::from(sample.phase);
-            if self.phase != Some(phase) {
-                (self.phase, self.phase_us) = (Some(phase), t_us);
-            }
-        } else if self.phase.is_some() {
-            self.ended_seq.get_or_insert(seq);
-        }
-    }
-
-    /// The motion and its tail are over, or it never began.
-    fn is_over(&self) -> bool {
-        match (self.ended_seq, self.phase, self.first_seq) {
-            (Some(ended), ..) => self.last_seq >= ended + TAIL_TICKS,
-            (None, None, Some(first)) => self.last_seq >= self.due_seq(first) + START_TICKS,
-            _ => false,
-        }
-    }
-
-    /// The tick of the start, unwrapped, for a stream that began with the tick `first`.
-    fn due_seq(&self, first: u64) -> u64 {
-        // The device took the start, so its tick lay ahead: less than half the counter's range.
-        let ahead = self.start_tick.map_or(0, |tick| tick.wrapping_sub(first as u32));
-        first + u64::from(if ahead < 1 << 31 { ahead } else { 0 })
-    }
-
-    /// Ticks until that of the start.
-    fn starts_in_ticks(&self) -> Option<u64> {
-        let (None, Some(_), Some(first)) = (self.phase, self.start_tick, self.first_seq) else { return None };
-        Some(self.due_seq(first).saturating_sub(self.last_seq))
-    }
-
-    fn progress<'a>(&self, motion: &'a Motion, rate_hz: f64, balance: LossBalance) -> Progress<'a> {
-        let longest_s = |segment: &Segment| f64::from(segment.action.longest_ms()) * 1e-3;
-        let segment = self.phase.and_then(|phase| motion.segments.get(phase));
-        let before = &motion.segments[..self.phase.unwrap_or(0).min(motion.segments.len())];
-        let in_phase_s = (self.last_us - self.phase_us) as f64 * 1e-6;
-        Progress {
-            stage: segment.and_then(|s| motion.stages.get(usize::from(s.stage))).map(|name| name.as_str()),
-            done_s: before.iter().map(longest_s).sum::<f64>()
-                + segment.map_or(0.0, |segment| in_phase_s.min(longest_s(segment))),
-            total_s: motion.segments.iter().map(longest_s).sum(),
-            starts_in_ticks: self.starts_in_ticks(),
-            rate_hz,
-            balance,
-        }
-    }
-
-    fn captured(&self, balance: LossBalance) -> Captured {
-        let duration_s = (self.last_us - self.first_us.unwrap_or(self.last_us)) as f64 * 1e-6;
-        Captured { samples: self.samples, duration_s, balance, refused: self.refused }
-    }
 }

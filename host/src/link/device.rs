@@ -258,6 +258,11 @@ impl Device {
         Err(LinkError::Unanswered { what: "tell its status", attempts: ATTEMPTS, waited: ATTEMPTS * ATTEMPT })
     }
 
+    /// Device time, unwrapped, µs, of a raw time not far from the last sample's.
+    pub fn near_us(&self, t_us: u32) -> u64 {
+        self.shared.stream().ledger.near(0, t_us).1
+    }
+
     /// Where the missing samples went, so far.
     pub fn balance(&self) -> LossBalance {
         self.shared.stream().ledger.balance(self.shared.damaged.load(Relaxed))

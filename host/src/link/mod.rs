@@ -16,17 +16,21 @@ mod error;
 mod heartbeat;
 mod inbox;
 mod ledger;
+mod log;
 mod outgoing;
 mod port;
 mod reader;
 mod scales;
+mod take;
 #[cfg(test)]
 mod tests;
 mod words;
 
-pub use capture::{CaptureError, Captured, Progress, Ready, Zero, joint_limits};
+pub use capture::{CaptureError, Captured, News, Progress, Ready, Zero, joint_limits};
 pub use device::{Device, Options, Stopper, probe};
 pub use error::{LinkError, reset_name};
 pub use inbox::Arrival;
+pub use log::{Dictionary, ElfError, LogCounts};
 pub use port::{PortInfo, list};
 pub use scales::{ScaleError, Scales};
+pub use words::{Restart, restart};

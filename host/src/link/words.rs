@@ -4,7 +4,7 @@ use protocol::message::Level;
 use protocol::{EventKind, Hello, Loss, LossCause, MotionEnd, ResetReason};
 
 use super::reset_name;
-use crate::recording::{Firmware, Severity};
+use crate::recording::{Firmware, LogLevel, Severity};
 
 /// An event.
 pub(super) fn event(kind: &EventKind) -> (Severity, String) {
@@ -43,12 +43,44 @@ pub(super) fn loss(loss: &Loss) -> (Severity, String) {
 }
 
 /// How grave a line of the device's log is.
-pub(super) fn level(level: Level) -> Severity {
+pub(super) fn level(level: Level) -> LogLevel {
     match level {
-        Level::Error => Severity::Error,
-        Level::Warn => Severity::Warning,
-        Level::Info | Level::Debug => Severity::Note,
+        Level::Error => LogLevel::Error,
+        Level::Warn => LogLevel::Warn,
+        Level::Info => LogLevel::Info,
+        Level::Debug => LogLevel::Debug,
     }
+}
+
+/// An end of the device's last life that was not ordinary.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Restart {
+    /// By what it was restarted, with the place of a panic.
+    pub by: String,
+    /// What the user can do about it.
+    pub advice: &'static str,
+}
+
+/// Why the device started last, if it was not switched on, reset by its pin or by a request.
+pub fn restart(hello: &Hello) -> Option<Restart> {
+    let (by, advice) = match hello.reset {
+        ResetReason::PowerOn | ResetReason::Pin | ResetReason::Software | ResetReason::Unknown => return None,
+        ResetReason::BrownOut => (
+            "a supply that fell too low".to_owned(),
+            "check battery, cable and plug: under load the voltage breaks down",
+        ),
+        ResetReason::Watchdog => (
+            "its watchdog: a task of the firmware hung".to_owned(),
+            "motors were off meanwhile; --elf shows what the firmware logged, and its next version must not hang",
+        ),
+        ResetReason::Panic => {
+            let place = hello.panic.as_ref().map(|place| format!(" at {}:{}", place.file, place.line));
+            let by =
+                format!("a panic of the firmware{}", place.unwrap_or_else(|| ", its place is not known".to_owned()));
+            (by, "motors were off meanwhile; that place in the firmware's source has a fault")
+        }
+    };
+    Some(Restart { by, advice })
 }
 
 /// The handshake as a recording keeps it.
@@ -59,6 +91,7 @@ pub(super) fn firmware(hello: &Hello) -> Firmware {
         protocol_version: identity.protocol_version,
         schema_key: identity.schema_key.to_string(),
         robot: identity.robot.as_str().to_owned(),
+        restarted_by: restart(hello).map(|restart| restart.by),
         // A handshake has no map with keys that JSON could refuse.
         details: serde_json::to_string(hello).unwrap_or_default(),
     }

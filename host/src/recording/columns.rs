@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use super::mcap::Damage;
-use super::{Event, LossBalance, Session, Source};
+use super::{Event, LogLine, LossBalance, Session, Source};
 use crate::robot::{self, Robot};
 
 /// [`Recording::phase`] outside of a motion, and of every row of an imported table.
@@ -43,6 +43,8 @@ pub struct Recording {
     pub balance: Option<LossBalance>,
     /// What happened meanwhile.
     pub events: Vec<Event>,
+    /// What the firmware logged.
+    pub log: Vec<LogLine>,
     /// The device's handshake.
     pub firmware: Option<super::Firmware>,
     /// What is wrong with the file that it was read from; empty for a whole one.

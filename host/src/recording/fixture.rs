@@ -3,7 +3,8 @@
 use proptest::prelude::*;
 
 use super::{
-    Event, Firmware, LossBalance, MotionFile, NO_PHASE, Recorder, Recording, Row, Session, Severity, Source, Tick,
+    Event, Firmware, LogLevel, LogLine, LossBalance, MotionFile, NO_PHASE, Place, Recorder, Recording, Row, Session,
+    Severity, Source, Tick,
 };
 use crate::robot::Robot;
 
@@ -36,8 +37,9 @@ pub fn any_recording() -> impl Strategy<Value = Recording> {
             prop::collection::vec(prop::collection::vec(any_value(), width), count),
             prop::collection::vec((any::<u8>(), any::<u16>(), 0.0..1e3, -1e3..1e3), count),
         );
-        (Just((robot, from_device)), rows, prop::collection::vec((any_severity(), ".*"), 0..4), any::<[u64; 7]>())
-            .prop_map(assemble)
+        let events = prop::collection::vec((any_severity(), ".*"), 0..4);
+        let log = prop::collection::vec(any_log_line(), 0..4);
+        (Just((robot, from_device)), rows, events, log, any::<[u64; 7]>()).prop_map(assemble)
     })
 }
 
@@ -49,11 +51,18 @@ fn any_severity() -> impl Strategy<Value = Severity> {
     prop_oneof![Just(Severity::Note), Just(Severity::Warning), Just(Severity::Error)]
 }
 
+fn any_log_line() -> impl Strategy<Value = LogLine> {
+    let level =
+        prop::sample::select(vec![LogLevel::Trace, LogLevel::Debug, LogLevel::Info, LogLevel::Warn, LogLevel::Error]);
+    let place = prop::option::of((".+", any::<u64>()).prop_map(|(file, line)| Place { file, line }));
+    (any::<u64>(), level, ".*", place).prop_map(|(t_us, level, message, place)| LogLine { t_us, level, message, place })
+}
+
 type Rows = (Vec<(u64, u64)>, Vec<Vec<f64>>, Vec<Vec<f64>>, Vec<(u8, u16, f64, f64)>);
-type Parts = ((Robot, bool), Rows, Vec<(Severity, String)>, [u64; 7]);
+type Parts = ((Robot, bool), Rows, Vec<(Severity, String)>, Vec<LogLine>, [u64; 7]);
 
 fn assemble(parts: Parts) -> Recording {
-    let ((robot, from_device), (steps, duty, values, ticks), events, counts) = parts;
+    let ((robot, from_device), (steps, duty, values, ticks), events, log, counts) = parts;
     let mut session = Session::of(robot);
     if from_device {
         session.motion = Some(MotionFile { name: "calibration".into(), toml: "# empty\n".into() });
@@ -63,6 +72,7 @@ fn assemble(parts: Parts) -> Recording {
             protocol_version: 1,
             schema_key: "0123456789abcdef".into(),
             robot: session.robot.name.clone(),
+            restarted_by: Some("a panic at src/main.rs:7".into()),
             details: String::new(),
         });
     }
@@ -77,6 +87,9 @@ fn assemble(parts: Parts) -> Recording {
     }
     for (severity, text) in events {
         recorder.event(Event { t_us, seq, severity, text });
+    }
+    for line in log {
+        recorder.log(line);
     }
     if from_device {
         let [ticks, received, missing, device_dropped, host_dropped, line_lost, damaged_frames] = counts;
@@ -101,6 +114,7 @@ pub fn assert_same(left: &Recording, right: &Recording) {
     assert_eq!(left.phase, right.phase);
     assert_eq!(format!("{:?}", left.ticks), format!("{:?}", right.ticks)); // NaN is NaN here
     assert_eq!(left.events, right.events);
+    assert_eq!(left.log, right.log);
     assert_eq!(left.balance, right.balance);
 }
 

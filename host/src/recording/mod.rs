@@ -14,6 +14,7 @@
 mod columns;
 #[cfg(test)]
 mod fixture;
+mod log;
 mod recorder;
 mod session;
 
@@ -24,6 +25,7 @@ pub mod mcap;
 use std::path::Path;
 
 pub use columns::{Channel, NO_PHASE, Recording, Tick};
+pub use log::{LogLevel, LogLine, Place};
 pub use mcap::{Damage, ReadError};
 pub use recorder::{Recorder, Row, RowError};
 pub use session::{Event, Firmware, LossBalance, MotionFile, Session, Severity, Source};

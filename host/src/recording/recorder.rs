@@ -2,7 +2,7 @@
 
 use crate::robot::Robot;
 
-use super::{Channel, Event, LossBalance, Recording, Session, Source, Tick};
+use super::{Channel, Event, LogLine, LossBalance, Recording, Session, Source, Tick};
 
 /// One sample.
 #[derive(Debug, Clone, Copy)]
@@ -133,6 +133,7 @@ impl Recorder {
             motion: session.motion,
             balance: None,
             events: Vec::new(),
+            log: Vec::new(),
             firmware: session.firmware,
             damage: Vec::new(),
             robot: session.robot,
@@ -164,6 +165,11 @@ impl Recorder {
     /// Appends an event.
     pub fn event(&mut self, event: Event) {
         self.recording.events.push(event);
+    }
+
+    /// Appends a line of the firmware's log.
+    pub fn log(&mut self, line: LogLine) {
+        self.recording.log.push(line);
     }
 
     /// Sets the loss balance; the last one counts.

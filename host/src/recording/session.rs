@@ -58,6 +58,10 @@ pub struct Firmware {
     pub schema_key: String,
     /// Name of the robot that the firmware was built for.
     pub robot: String,
+    /// What ended the device's life before this one, if it was not an ordinary start: a watchdog, a panic and its
+    /// place, a supply that fell too low.
+    #[serde(default)]
+    pub restarted_by: Option<String>,
     /// Whatever else the handshake said and a reader may want (scales, offsets, reason of the last reset), as text.
     #[serde(default)]
     pub details: String,

@@ -1,18 +1,20 @@
 //! Recordings of scripted devices: what is in the file, whatever happened.
 
 use std::fs::File;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
+use protocol::hello::PanicPlace;
 use protocol::motion::Header;
 use protocol::units::text;
-use protocol::{Action, Fault, Motion, MotionEnd, MotionError, Segment};
+use protocol::{Action, Event, EventKind, Fault, Motion, MotionEnd, MotionError, Report, ResetReason, Segment};
 use tempfile::TempDir;
 
+use super::firmware::{elf, late, started};
 use super::open;
 use super::peer::{Doggy, Peer, Script, Wire};
-use crate::link::{CaptureError, Captured, LinkError, Progress, Ready, ScaleError, Zero};
-use crate::recording::{self, Recording};
+use crate::link::{CaptureError, Captured, Dictionary, LinkError, LogCounts, News, Progress, Ready, ScaleError, Zero};
+use crate::recording::{self, LogLevel, Recording};
 use crate::robot::Robot;
 
 fn motion() -> Motion {
@@ -33,20 +35,33 @@ struct Trial {
 }
 
 impl Trial {
-    fn of(peer: &Peer, stop: &AtomicBool, watch: impl FnMut(&Progress<'_>)) -> Self {
-        Self::started(peer, None, stop, watch)
+    fn of(peer: &Peer, stop: &AtomicBool, mut watch: impl FnMut(&Progress<'_>)) -> Self {
+        Self::with(
+            peer,
+            stop,
+            |ready| ready,
+            |news| {
+                if let News::Progress(now) = news {
+                    watch(&now)
+                }
+            },
+        )
     }
 
-    /// With the tick in which the motion starts.
-    fn started(peer: &Peer, at: Option<u32>, stop: &AtomicBool, watch: impl FnMut(&Progress<'_>)) -> Self {
+    /// With what is to be asked for between the preparation and the motion.
+    fn with(
+        peer: &Peer,
+        stop: &AtomicBool,
+        ask: impl for<'r> FnOnce(Ready<'r>) -> Ready<'r>,
+        tell: impl FnMut(News<'_>),
+    ) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("run.mcap");
         let mut device = open(peer).unwrap();
         let robot = Robot::builtin("doggy").unwrap();
         let motion = motion();
         let outcome = Ready::prepare(&mut device, &robot, &motion, toml::to_string(&motion).unwrap(), Zero::Keep)
-            .map(|ready| if let Some(tick) = at { ready.starting_at(tick) } else { ready })
-            .and_then(|ready| ready.run(File::create_new(&path).unwrap(), stop, watch));
+            .and_then(|ready| ask(ready).run(File::create_new(&path).unwrap(), stop, tell));
         Self { outcome, path, _folder: folder }
     }
 
@@ -92,7 +107,15 @@ fn a_motion_starts_in_the_tick_that_was_asked_for() {
     // Farther ahead than a start may take to be seen, and over the wrap of the counter.
     let peer = Peer::start(Doggy { seq: u32::MAX - 3000, samples_per_tick: 4, ..Doggy::default() });
     let mut waited = Vec::new();
-    let trial = Trial::started(&peer, Some(1000), &AtomicBool::new(false), |now| waited.extend(now.starts_in_ticks));
+    let never = AtomicBool::new(false);
+    fn at(ready: Ready<'_>) -> Ready<'_> {
+        ready.starting_at(1000)
+    }
+    let trial = Trial::with(&peer, &never, at, |news| {
+        if let News::Progress(now) = news {
+            waited.extend(now.starts_in_ticks);
+        }
+    });
     trial.outcome.as_ref().unwrap();
     let recording = trial.recording();
     let first = recording.phase.iter().position(|phase| *phase == 0).unwrap();
@@ -101,10 +124,88 @@ fn a_motion_starts_in_the_tick_that_was_asked_for() {
     assert!(waited.first() > waited.last() && waited[0] < 4001, "{waited:?}");
 
     let peer = Peer::start(Doggy { seq: 5000, ..Doggy::default() });
-    let trial = Trial::started(&peer, Some(1000), &AtomicBool::new(false), |_| {});
+    let trial = Trial::with(&peer, &never, at, |_| {});
     let error = trial.outcome.unwrap_err();
     assert!(error.to_string().contains("tick 1000 is not ahead of tick"), "{error}");
     assert!(error.advice().contains("--start-tick"), "{}", error.advice());
+}
+
+/// A device with this log, in pieces of two bytes of which some are lost.
+fn logging(stream: &[u8], lost: &[usize]) -> Doggy {
+    let mut doggy = Doggy::default();
+    doggy.hello.code_crc = Some(protocol::frame::crc32(b"code"));
+    let piece = |(k, bytes): (usize, &[u8])| Report::Defmt { at: 2 * k as u32, bytes: bytes.iter().copied().collect() };
+    let pieces = stream.chunks(2).enumerate().filter(|(k, _)| !lost.contains(k));
+    doggy.reports = pieces.map(piece).collect();
+    doggy
+}
+
+#[test]
+fn the_firmware_s_log_is_told_and_kept_in_device_time() {
+    // The clock wraps 101 ms after the stream begins; the start was 50 ms before.
+    let begin_us = (u32::MAX - 100).wrapping_mul(1000).wrapping_sub(50_000);
+    let stream = [vec![0], started(begin_us, "doggy", 5), late(2000, 1), late(3000, 2), late(4000, 3)].concat();
+    fn read(ready: Ready<'_>) -> Ready<'_> {
+        ready.reading_log(Dictionary::parse(&elf(b"code"), Path::new("firmware")).unwrap())
+    }
+    let mut told = Vec::new();
+    let tell = |news: News<'_>| {
+        if let News::Log(line) = news {
+            told.push(line.clone());
+        }
+    };
+    // A piece out of the middle of the second line.
+    let lost = (1 + started(begin_us, "doggy", 5).len() + 3) / 2;
+    let trial = Trial::with(&Peer::start(logging(&stream, &[lost])), &AtomicBool::new(false), read, tell);
+    let log = trial.outcome.as_ref().unwrap().log;
+    assert_eq!(log, LogCounts { lines: 3, lost_bytes: 2, unread_frames: 1 });
+    let recording = trial.recording();
+    assert_eq!(recording.log, told);
+    let said: Vec<_> = told.iter().map(|line| (line.t_us, line.level, line.message.as_str())).collect();
+    let expected = [
+        (u64::from(begin_us), LogLevel::Info, "started: doggy, 5 parts"),
+        ((1 << 32) + 3000, LogLevel::Warn, "gyro 2 answers late"),
+        ((1 << 32) + 4000, LogLevel::Warn, "gyro 3 answers late"),
+    ];
+    assert_eq!(said, expected);
+}
+
+#[test]
+fn a_log_that_nobody_reads_is_told_once() {
+    let stream = [vec![0], late(2000, 1), late(3000, 2), late(4000, 3)].concat();
+    let mut unread = 0;
+    let tell = |news: News<'_>| unread += u32::from(matches!(news, News::LogUnread));
+    let trial = Trial::with(&Peer::start(logging(&stream, &[])), &AtomicBool::new(false), |ready| ready, tell);
+    assert_eq!((trial.outcome.unwrap().log, unread), (LogCounts::default(), 1));
+}
+
+#[test]
+fn how_the_device_started_is_in_the_file() {
+    /// Its first event is still on the line when the host connects.
+    struct Fresh(Doggy);
+    impl Script for Fresh {
+        fn hear(&mut self, message: &protocol::ToDevice, out: &mut Wire) {
+            if let protocol::ToDevice::Hello(_) = message {
+                let kind = EventKind::Started(self.0.hello.reset);
+                out.report(&Report::Event(Event { seq: 0, t_us: 0, kind }));
+            }
+            self.0.hear(message, out);
+        }
+        fn tick(&mut self, out: &mut Wire) {
+            self.0.tick(out);
+        }
+    }
+    let started = |reset, panic| {
+        let mut doggy = Doggy::default();
+        (doggy.hello.reset, doggy.hello.panic) = (reset, panic);
+        let recording = Trial::plain(&Peer::start(Fresh(doggy))).recording();
+        assert!(recording.events.iter().all(|event| !event.text.contains("started:")), "{:?}", recording.events);
+        recording.firmware.unwrap().restarted_by
+    };
+    assert_eq!(started(ResetReason::PowerOn, None), None);
+    let place = PanicPlace { file: text("src/main.rs"), line: 7 };
+    assert_eq!(started(ResetReason::Panic, Some(place)).unwrap(), "a panic of the firmware at src/main.rs:7");
+    assert!(started(ResetReason::Watchdog, None).unwrap().contains("watchdog"));
 }
 
 #[test]

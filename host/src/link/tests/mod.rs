@@ -1,7 +1,8 @@
 //! The link against scripted devices behind pseudo-terminals.
 
 mod capture;
-mod peer;
+pub mod firmware;
+pub mod peer;
 
 use std::sync::mpsc::RecvTimeoutError;
 use std::time::{Duration, Instant};

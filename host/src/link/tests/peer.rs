@@ -129,6 +129,8 @@ pub struct Doggy {
     /// How long a motion is played, ticks, and how it ends then.
     pub motion_ticks: u32,
     pub motion_end: MotionEnd,
+    /// Sent one a tick while the stream is on.
+    pub reports: Vec<Report>,
     /// The tick in which the motion is to start.
     pub waiting: Option<u32>,
     /// First tick of the motion that is played.
@@ -153,6 +155,7 @@ impl Default for Doggy {
             samples_per_tick: 1,
             motion_ticks: 500,
             motion_end: MotionEnd::Finished,
+            reports: Vec::new(),
             waiting: None,
             playing: None,
             last_end: None,
@@ -234,6 +237,9 @@ impl Script for Doggy {
                 self.end(self.motion_end, out);
             }
             if self.streaming {
+                if !self.reports.is_empty() {
+                    out.report(&self.reports.remove(0));
+                }
                 let mut duty = [Duty::ZERO; 7];
                 duty[0] = Duty(1500);
                 let t_us = self.seq.wrapping_mul(1000);

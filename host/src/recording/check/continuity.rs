@@ -26,6 +26,15 @@ pub(super) fn look(recording: &Recording, findings: &mut Findings) {
         };
         findings.add(severity, About::Gaps, None, damage.to_string(), advice);
     }
+    if let Some(reason) = recording.firmware.as_ref().and_then(|firmware| firmware.restarted_by.as_ref()) {
+        findings.add(
+            Severity::Note,
+            About::Excitation,
+            None,
+            format!("before this recording the device was restarted by {reason}"),
+            "the samples are none the worse for it; find the cause before the robot is trusted",
+        );
+    }
     for event in recording.events.iter().filter(|event| event.severity >= Severity::Warning) {
         let at_s = event.t_us.saturating_sub(recording.t_us[0]) as f64 * 1e-6;
         let advice = match event.severity {

@@ -146,9 +146,19 @@ fn the_balance_names_the_culprit() {
         protocol_version: 1,
         schema_key: String::new(),
         robot: "one_joint".into(),
+        restarted_by: None,
         details: String::new(),
     });
     among(&check(&recording), Severity::Note, About::Gaps, "loss balance is missing");
+    assert!(check(&recording).findings.iter().all(|finding| !finding.message.contains("restarted")));
+    let firmware = recording.firmware.as_mut().unwrap();
+    firmware.restarted_by = Some("a panic of the firmware at src/main.rs:7".into());
+    among(
+        &check(&recording),
+        Severity::Note,
+        About::Excitation,
+        "restarted by a panic of the firmware at src/main.rs:7",
+    );
 }
 
 #[test]

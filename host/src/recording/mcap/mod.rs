@@ -13,6 +13,7 @@
 //! |---|---|---|
 //! | `/sample` | `t_us seq phase flags execution_us jitter_us`, then `u1…` and every channel by its column name | every tick |
 //! | `/event` | `t_us seq severity text` | as they happen |
+//! | `/log` | `t_us level message file line`: the firmware's log, `file` and `line` where known | as it comes |
 //! | `/balance` | the fields of [`LossBalance`](super::LossBalance) | from time to time; the last one counts |
 //!
 //! Messages are protobuf with the schema in the file, so any MCAP viewer can plot them. Time of the file's log is the

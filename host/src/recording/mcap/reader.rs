@@ -68,6 +68,7 @@ struct Parser {
 enum Topic {
     Sample(SampleDecoder),
     Event,
+    Log,
     Balance,
 }
 
@@ -178,6 +179,7 @@ impl Parser {
                 Topic::Sample(SampleDecoder::new(written, &robot).map_err(|column| missing(column.0))?)
             }
             topic if topic == schema::EVENT.0 => Topic::Event,
+            topic if topic == schema::LOG.0 => Topic::Log,
             topic if topic == schema::BALANCE.0 => Topic::Balance,
             _ => return Ok(()), // added by another tool
         };
@@ -201,6 +203,7 @@ impl Parser {
                 })?;
             }
             Topic::Event => recorder.event(schema::decode_event(content).map_err(senseless("event"))?),
+            Topic::Log => recorder.log(schema::decode_log(content).map_err(senseless("line of the log"))?),
             Topic::Balance => recorder.balance(schema::decode_balance(content).map_err(senseless("loss balance"))?),
         }
         Ok(())

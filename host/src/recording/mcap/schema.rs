@@ -1,13 +1,14 @@
-//! The three message types of a recording, and the session as it stands in the file.
+//! The four message types of a recording, and the session as it stands in the file.
 
 use serde::{Deserialize, Serialize};
 
 use super::protobuf::{Encoder, Fields, Kind, MessageType, NoMessage, Value};
-use crate::recording::{Event, Firmware, LossBalance, NO_PHASE, Row, Severity, Source, Tick};
+use crate::recording::{Event, Firmware, LogLevel, LogLine, LossBalance, NO_PHASE, Place, Row, Severity, Source, Tick};
 use crate::robot::Robot;
 
 pub(super) const SAMPLE: (&str, &str) = ("/sample", "recording.Sample");
 pub(super) const EVENT: (&str, &str) = ("/event", "recording.Event");
+pub(super) const LOG: (&str, &str) = ("/log", "recording.Log");
 pub(super) const BALANCE: (&str, &str) = ("/balance", "recording.Balance");
 
 const TICK_FIELDS: [(&str, Kind); 6] = [
@@ -21,6 +22,14 @@ const TICK_FIELDS: [(&str, Kind); 6] = [
 
 const EVENT_FIELDS: [(&str, Kind); 4] =
     [("t_us", Kind::Unsigned), ("seq", Kind::Unsigned), ("severity", Kind::Text), ("text", Kind::Text)];
+
+const LOG_FIELDS: [(&str, Kind); 5] = [
+    ("t_us", Kind::Unsigned),
+    ("level", Kind::Text),
+    ("message", Kind::Text),
+    ("file", Kind::Text),
+    ("line", Kind::Unsigned),
+];
 
 const BALANCE_FIELDS: [&str; 8] =
     ["ticks", "received", "missing", "device_dropped", "host_dropped", "line_lost", "damaged_frames", "closed"];
@@ -38,6 +47,10 @@ pub(super) fn sample_type(robot: &Robot) -> MessageType {
 
 pub(super) fn event_type() -> MessageType {
     MessageType::new(EVENT.1, EVENT_FIELDS)
+}
+
+pub(super) fn log_type() -> MessageType {
+    MessageType::new(LOG.1, LOG_FIELDS)
 }
 
 pub(super) fn balance_type() -> MessageType {
@@ -67,6 +80,14 @@ pub(super) fn encode_event<'a>(encoder: &'a mut Encoder, event: &Event) -> &'a [
         .text(3, event.severity.name())
         .text(4, &event.text)
         .bytes()
+}
+
+pub(super) fn encode_log<'a>(encoder: &'a mut Encoder, line: &LogLine) -> &'a [u8] {
+    encoder.clear().unsigned(1, line.t_us).text(2, line.level.name()).text(3, &line.message);
+    if let Some(place) = &line.place {
+        encoder.text(4, &place.file).unsigned(5, place.line);
+    }
+    encoder.bytes()
 }
 
 pub(super) fn encode_balance<'a>(encoder: &'a mut Encoder, b: &LossBalance) -> &'a [u8] {
@@ -178,6 +199,25 @@ pub(super) fn decode_event(bytes: &[u8]) -> Result<Event, NoMessage> {
         }
     }
     Ok(event)
+}
+
+pub(super) fn decode_log(bytes: &[u8]) -> Result<LogLine, NoMessage> {
+    let mut log = LogLine { t_us: 0, level: LogLevel::Info, message: String::new(), place: None };
+    let mut place = Place { file: String::new(), line: 0 };
+    let text = |bytes| std::str::from_utf8(bytes).map_err(|_| NoMessage);
+    for field in Fields::of(bytes) {
+        match field? {
+            (1, Value::Unsigned(value)) => log.t_us = value,
+            (2, Value::Bytes(value)) => log.level = LogLevel::of_name(text(value)?).ok_or(NoMessage)?,
+            (3, Value::Bytes(value)) => log.message = text(value)?.to_owned(),
+            (4, Value::Bytes(value)) => place.file = text(value)?.to_owned(),
+            (5, Value::Unsigned(value)) => place.line = value,
+            (1..=5, _) => return Err(NoMessage),
+            _ => {}
+        }
+    }
+    log.place = (!place.file.is_empty()).then_some(place);
+    Ok(log)
 }
 
 pub(super) fn decode_balance(bytes: &[u8]) -> Result<LossBalance, NoMessage> {

@@ -13,7 +13,7 @@ use super::protobuf::{Encoder, MessageType};
 use super::schema::{self, SessionFile};
 use super::{FORMAT_VERSION, MOTION_FILE, PROFILE, ROBOT_FILE, SESSION_FILE};
 use crate::recording::recorder::Order;
-use crate::recording::{Event, LossBalance, Recording, Row, RowError, Session};
+use crate::recording::{Event, LogLine, LossBalance, Recording, Row, RowError, Session};
 
 /// Uncompressed size of a chunk.
 const CHUNK_BYTES: u64 = 64 * 1024;
@@ -82,6 +82,7 @@ pub struct Writer<W: Write> {
     encoder: Encoder,
     sample: u16,
     event: u16,
+    log: u16,
     balance: u16,
     flushed_us: Option<u64>,
     last: (u64, u64),
@@ -130,6 +131,7 @@ impl<W: Write> Writer<W> {
         };
         let sample = channel(schema::SAMPLE, schema::sample_type(&session.robot))?;
         let event = channel(schema::EVENT, schema::event_type())?;
+        let log = channel(schema::LOG, schema::log_type())?;
         let balance = channel(schema::BALANCE, schema::balance_type())?;
         file.flush()?;
         Ok(Self {
@@ -138,6 +140,7 @@ impl<W: Write> Writer<W> {
             encoder: Encoder::default(),
             sample,
             event,
+            log,
             balance,
             flushed_us: None,
             last: (0, 0),
@@ -167,6 +170,16 @@ impl<W: Write> Writer<W> {
         let header = header(self.event, event.t_us, event.seq);
         self.file.write_to_known_channel(&header, schema::encode_event(&mut self.encoder, event))?;
         self.flush()
+    }
+
+    /// Appends a line of the firmware's log.
+    ///
+    /// # Errors
+    /// [`WriteError::File`].
+    pub fn log(&mut self, line: &LogLine) -> Result<(), WriteError> {
+        let header = header(self.log, line.t_us, self.last.1);
+        self.file.write_to_known_channel(&header, schema::encode_log(&mut self.encoder, line))?;
+        Ok(())
     }
 
     /// Appends the loss balance as it is now; the last one in the file counts.
@@ -215,9 +228,13 @@ pub fn write<W: Write>(file: W, recording: &Recording) -> Result<W, WriteError> 
     let mut writer = Writer::new(file, &recording.session())?;
     let (mut duty, mut values) = (Vec::new(), Vec::new());
     let mut events = recording.events.iter().peekable();
+    let mut log = recording.log.iter().peekable();
     for k in 0..recording.len() {
         while let Some(event) = events.next_if(|event| event.seq <= recording.seq[k]) {
             writer.event(event)?;
+        }
+        while let Some(line) = log.next_if(|line| line.t_us <= recording.t_us[k]) {
+            writer.log(line)?;
         }
         duty.clear();
         duty.extend(recording.duty.iter().map(|column| column[k]));
@@ -234,6 +251,9 @@ pub fn write<W: Write>(file: W, recording: &Recording) -> Result<W, WriteError> 
     }
     for event in events {
         writer.event(event)?;
+    }
+    for line in log {
+        writer.log(line)?;
     }
     if let Some(balance) = &recording.balance {
         writer.balance(balance)?;
