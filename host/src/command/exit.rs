@@ -7,7 +7,7 @@ use std::process::ExitCode;
 /// The end of the help text: other programs are written against these numbers.
 pub const HELP: &str = "\
 Exit codes: 0 ok, 1 a fault of the program, 2 usage, 3 device or I/O, 4 data unusable, 5 no convergence;
-demo: 13 the estimates do not meet the truth.";
+demo: 13 the estimates do not meet the truth; 130 ended by Ctrl-C.";
 
 /// What the process answers to its caller. The numbers are a public interface and never change.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

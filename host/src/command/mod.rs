@@ -8,7 +8,7 @@
 //! 3. `Verb::Verb(args) => verb::run(args, &ui)` in [`main`].
 //!
 //! What every verb shares: [`Exit`] and [`Failure`] (how it ends), [`Ui`] (text, progress, log: stderr only; stdout
-//! carries results), [`NewFile`], [`LiveFile`] and [`ResultArgs`] (files that are never overwritten unasked).
+//! carries results), `interrupt` (Ctrl-C), [`NewFile`], [`LiveFile`] and [`ResultArgs`] (files that are never overwritten unasked).
 
 mod calibrate;
 mod check;
@@ -25,6 +25,7 @@ mod verify;
 
 mod exit;
 mod failures;
+mod interrupt;
 mod output;
 mod ui;
 
@@ -72,6 +73,7 @@ enum Verb {
 pub fn main() -> ExitCode {
     let cli = Cli::parse(); // ends the process with code 2 if the line is not understood
     let ui = Ui::new(&cli.ui);
+    interrupt::listen();
     let ended = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| match cli.verb {
         Verb::Ports(args) => ports::run(args, &ui),
         Verb::Simulate(args) => simulate::run(args, &ui),

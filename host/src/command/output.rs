@@ -8,39 +8,42 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 use tempfile::NamedTempFile;
 
+use super::interrupt::Registered;
 use super::{Failure, Ui};
 
 /// A file that appears under its name only when it is complete.
 ///
 /// [`NewFile::claim`] refuses an existing file (before the work that fills it) and opens a temporary one in the same
 /// folder, so that a full disk or a missing folder is known early too; [`NewFile::finish`] syncs and renames it. Dropped
-/// before that, nothing is left behind.
+/// or interrupted before that, nothing is left behind.
 #[derive(Debug)]
 pub struct NewFile {
     path: PathBuf,
     force: bool,
     part: BufWriter<NamedTempFile>,
+    registered: Registered,
 }
 
 impl NewFile {
     /// Opens the temporary file beside `path`; with `force`, `path` may exist and is replaced at the end.
     pub fn claim(path: &Path, force: bool) -> Result<Self, Failure> {
         refuse_existing(path, force)?;
-        let part = tempfile::Builder::new()
-            .prefix(".host-")
-            .suffix(".part")
-            .permissions(std::fs::Permissions::from_mode(0o666)) // less the user's umask, as any new file
-            .tempfile_in(folder(path))
-            .map_err(|error| cannot_write(path, error))?;
-        Ok(Self { path: path.to_owned(), force, part: BufWriter::new(part) })
+        let mut part = tempfile::Builder::new();
+        part.prefix(".host-").suffix(".part");
+        part.permissions(std::fs::Permissions::from_mode(0o666)); // less the user's umask, as any new file
+        let (part, registered) =
+            Registered::make(|| part.tempfile_in(folder(path)), |part: &NamedTempFile| part.path().to_owned())
+                .map_err(|error| cannot_write(path, error))?;
+        Ok(Self { path: path.to_owned(), force, part: BufWriter::new(part), registered })
     }
 
     /// Syncs the file to disk and gives it its name.
     pub fn finish(self) -> Result<(), Failure> {
-        let path = self.path;
-        let part = self.part.into_inner().map_err(|error| cannot_write(&path, error.into_error()))?;
+        let Self { path, force, part, registered } = self;
+        let part = part.into_inner().map_err(|error| cannot_write(&path, error.into_error()))?;
         part.as_file().sync_all().map_err(|error| cannot_write(&path, error))?;
-        let named = if self.force { part.persist(&path) } else { part.persist_noclobber(&path) };
+        let named = if force { part.persist(&path) } else { part.persist_noclobber(&path) };
+        drop(registered);
         match named {
             Ok(_) => Ok(()),
             Err(error) if error.error.kind() == io::ErrorKind::AlreadyExists => Err(exists(&path)),

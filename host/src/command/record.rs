@@ -10,7 +10,7 @@ use protocol::Motion;
 use protocol::budget::{self, BAUD};
 
 use super::simulate::{say_faults, simulate_failure, simulated_port, write_truth};
-use super::{Exit, Failure, LiveFile, Ui, robot_failure};
+use super::{Exit, Failure, LiveFile, Ui, interrupt, robot_failure};
 use crate::link::{
     self, CaptureError, Captured, Device, Dictionary, ElfError, LinkError, News, Options, Ready, Restart, ScaleError,
     Stopper, Zero, reset_name,
@@ -60,7 +60,7 @@ pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
     let wanted = Wanted::of(&args.motion)?;
     let dictionary = args.elf.as_deref().map(Dictionary::load).transpose().map_err(elf_failure)?;
     let simulated = simulated_port(&args.port, args.force)?;
-    let interrupt = Interrupt::listen()?;
+    let interrupt = Interrupt::listen();
 
     let connecting = ui.busy("connecting");
     let options = Options { baud: args.baud, ..Options::default() };
@@ -253,20 +253,19 @@ struct Interrupt {
 }
 
 impl Interrupt {
-    fn listen() -> Result<Self, Failure> {
+    fn listen() -> Self {
         let interrupt = Self::default();
         let heard = interrupt.clone();
-        ctrlc::set_handler(move || {
+        interrupt::instead(move || {
             heard.wished.store(true, Relaxed);
             if let Some(stopper) = &*heard.guarded.lock().unwrap_or_else(|e| e.into_inner()) {
                 stopper.stop();
             }
             if !heard.recording.load(Relaxed) {
-                std::process::exit(i32::from(Exit::Device as u8));
+                interrupt::leave(Exit::Device as u8);
             }
-        })
-        .map_err(Failure::fault)?;
-        Ok(interrupt)
+        });
+        interrupt
     }
 
     fn guards(&self, stopper: Stopper) {

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::Duration;
 
-use super::{Exit, Failure, NewFile, Ui, robot_failure};
+use super::{Exit, Failure, NewFile, Ui, interrupt, robot_failure};
 use crate::robot::Robot;
 use crate::simulate::{EffectChoice, Fault, Options, Pace, SimulateError, SimulationReport, Simulator};
 
@@ -60,7 +60,7 @@ pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
     };
     let over = Arc::new(AtomicBool::new(false));
     let heard = Arc::clone(&over);
-    ctrlc::set_handler(move || heard.store(true, Relaxed)).map_err(Failure::fault)?;
+    interrupt::instead(move || heard.store(true, Relaxed));
 
     let simulator = Simulator::start(&options).map_err(simulate_failure)?;
     ui.print(&format!("{}\n", simulator.path().display()))?;

@@ -20,6 +20,12 @@ pub enum TableError {
         /// What the decompressor said.
         source: io::Error,
     },
+    /// It is gzip, and unpacks to more than any recording.
+    #[error("the compressed table unpacks to more than {} MiB", max_bytes >> 20)]
+    TooLarge {
+        /// The most that is unpacked, bytes.
+        max_bytes: u64,
+    },
     /// Not a table of text.
     #[error("this is not a table of text but {found}")]
     Foreign {
@@ -143,6 +149,7 @@ impl TableError {
         match self {
             Self::Open { .. } => "check the path and that you may read the file".to_owned(),
             Self::Gzip { .. } => "copy the file again from where it was made; `gzip -t FILE` tells whether it is whole".to_owned(),
+            Self::TooLarge { .. } => "unpack it yourself (gunzip -k FILE) if it really is a table, and import parts of it".to_owned(),
             Self::Foreign { advice, .. } => (*advice).to_owned(),
             Self::Empty(_) => "the first line names the columns, each line after it is one tick".to_owned(),
             Self::Header { advice, .. } => advice.clone(),

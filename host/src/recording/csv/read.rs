@@ -14,6 +14,8 @@ use crate::robot::{InputUnit, Robot};
 
 /// The median step may differ from the robot's period by this factor (a clock that is off by 2 % is another rate).
 const RATE_TOLERANCE: f64 = 0.02;
+/// Largest table that is unpacked: 512 MiB, some 50 minutes of Doggy. A plain file may be larger: it is there already.
+const MAX_UNPACKED_BYTES: u64 = 512 << 20;
 /// Later times than this are refused: their microseconds are not exact in an `f64` (2⁵³ µs, 285 years).
 const LATEST_US: f64 = 9_007_199_254_740_992.0;
 
@@ -31,7 +33,7 @@ pub fn read(path: &Path, robot: &Robot) -> Result<Recording, TableError> {
 /// # Errors
 /// [`TableError`], but never [`TableError::Open`].
 pub fn parse(bytes: &[u8], robot: &Robot, path: &Path) -> Result<Recording, TableError> {
-    let text = unpack(bytes)?;
+    let text = unpack(bytes, MAX_UNPACKED_BYTES)?;
     let mut reader = ReaderBuilder::new()
         .has_headers(false)
         .flexible(true)
@@ -65,10 +67,14 @@ pub fn parse(bytes: &[u8], robot: &Robot, path: &Path) -> Result<Recording, Tabl
 }
 
 /// Gzip or plain, by the first bytes; what cannot be a table is told at once.
-fn unpack(bytes: &[u8]) -> Result<Cow<'_, [u8]>, TableError> {
+pub(super) fn unpack(bytes: &[u8], max_bytes: u64) -> Result<Cow<'_, [u8]>, TableError> {
     let text = if bytes.starts_with(&[0x1f, 0x8b]) {
         let mut text = Vec::new();
-        MultiGzDecoder::new(bytes).read_to_end(&mut text).map_err(|source| TableError::Gzip { source })?;
+        let mut unpacked = MultiGzDecoder::new(bytes).take(max_bytes + 1);
+        unpacked.read_to_end(&mut text).map_err(|source| TableError::Gzip { source })?;
+        if text.len() as u64 > max_bytes {
+            return Err(TableError::TooLarge { max_bytes });
+        }
         Cow::Owned(text)
     } else {
         Cow::Borrowed(bytes)

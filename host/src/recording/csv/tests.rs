@@ -5,6 +5,7 @@ use std::path::Path;
 
 use proptest::prelude::*;
 
+use super::read::unpack;
 use super::{TableError, parse, write};
 use crate::recording::fixture::{any_recording, assert_same_samples, plain};
 use crate::recording::{NO_PHASE, Recording};
@@ -109,6 +110,19 @@ fn gzip_is_told_by_its_first_bytes() {
         let error = parse(&packed[..cut], &robot, Path::new("data.csv.gz")).unwrap_err();
         assert!(matches!(error, TableError::Gzip { .. }), "{error}");
     }
+}
+
+#[test]
+fn a_packed_table_is_unpacked_up_to_a_bound() {
+    let mut packer = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::best());
+    packer.write_all(&[b'#'; 100_000]).unwrap();
+    let packed = packer.finish().unwrap();
+    assert_eq!(unpack(&packed, 100_000).unwrap().len(), 100_000);
+    assert!(matches!(unpack(&packed, 99_999), Err(TableError::TooLarge { max_bytes: 99_999 })));
+    // Members one after the other are bounded together.
+    let twice = [&packed[..], &packed].concat();
+    assert_eq!(unpack(&twice, 200_000).unwrap().len(), 200_000);
+    assert!(matches!(unpack(&twice, 150_000), Err(TableError::TooLarge { .. })));
 }
 
 #[test]
