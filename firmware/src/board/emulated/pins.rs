@@ -1,0 +1,130 @@
+//! Sensors and motors: one exchange a period.
+
+use core::sync::atomic::{AtomicBool, Ordering::Relaxed};
+
+use cortex_m::peripheral::NVIC;
+use firmware::constants::TICK_US;
+use firmware::driver::{Bmi323, Icm42688p, QuadratureCounter};
+use firmware::lockstep::{Kind, MOTORS, Ordeal, PINS_BROWN_OUT, PINS_EMERGENCY_STOP, Request, Sensors, Tick};
+use firmware::{GyroInput, Inputs, Outputs, wiring};
+use protocol::Duty;
+use stm32f4xx_hal::pac::Interrupt;
+
+use super::buses::{BMI323_ADDRESS, I2cBus, SpiBus};
+use super::line::{self, Arrived};
+use super::{clock, exchange, halt, motors_off, stack};
+
+/// The watchdog was fed since the last exchange.
+static FED: AtomicBool = AtomicBool::new(false);
+
+/// Sensors and motors.
+pub struct Pins {
+    counters: [QuadratureCounter; MOTORS],
+    /// Whether the gyros were found at the start.
+    on_spi: bool,
+    on_i2c: bool,
+    sensors: Sensors,
+    /// Duties for the next period, if there was a tick.
+    preloaded: Option<[Duty; MOTORS]>,
+    /// Periods that the last tick ran beyond its own.
+    overrun_periods: u32,
+    begin_cycles: u32,
+    tick_began: clock::Moment,
+    tick_cycles: u32,
+    arrived: Arrived,
+}
+
+/// Feeds the watchdog with the next exchange.
+pub fn feed() {
+    FED.store(true, Relaxed);
+}
+
+impl Pins {
+    /// Motors off.
+    pub fn new(on_spi: bool, on_i2c: bool, arrived: Arrived) -> Self {
+        Pins {
+            counters: [const { QuadratureCounter::new(0) }; MOTORS],
+            on_spi,
+            on_i2c,
+            sensors: Sensors::default(),
+            preloaded: None,
+            overrun_periods: 0,
+            begin_cycles: 0,
+            tick_began: clock::now(),
+            tick_cycles: 0,
+            arrived,
+        }
+    }
+
+    fn gyros(&self) -> [GyroInput; 2] {
+        let spi = self.sensors.spi.filter(|_| self.on_spi);
+        let i2c = self.sensors.i2c.filter(|_| self.on_i2c);
+        [
+            spi.map(|answer| Icm42688p::<SpiBus>::decode(&answer)).ok_or(()).into(),
+            i2c.map(|answer| Bmi323::<I2cBus>::decode(&answer)).ok_or(()).into(),
+        ]
+    }
+}
+
+impl wiring::Pins for Pins {
+    fn begin(&mut self) -> u32 {
+        let began = clock::now();
+        let t_us = clock::begin_period();
+        let [register] = Bmi323::<I2cBus>::READ_REQUEST;
+        let tick = Tick {
+            duty: self.preloaded.take().unwrap_or_default(),
+            fed: FED.swap(false, Relaxed),
+            begin_cycles: self.begin_cycles,
+            tick_cycles: self.tick_cycles,
+            stack_bytes: stack::deepest_bytes(),
+            spi: Icm42688p::<SpiBus>::READ_REQUEST,
+            i2c: [BMI323_ADDRESS, register],
+        };
+        let exchange_began = clock::now();
+        self.sensors = exchange::ask(&Request { t_us, kind: Kind::Tick(tick) }, Sensors::read);
+        let exchange_cycles = exchange_began.cycles();
+        match self.sensors.ordeal {
+            Ordeal::None | Ordeal::Delay(_) => {}
+            Ordeal::PanicInCommands => line::panic_in_commands(),
+            Ordeal::TelemetryHangs => line::hang_in_telemetry(),
+            Ordeal::Halt => halt(),
+        }
+        self.arrived.put(&self.sensors.host);
+        NVIC::pend(Interrupt::TIM5);
+        self.begin_cycles = began.cycles().saturating_sub(exchange_cycles);
+        t_us
+    }
+
+    fn collect(&mut self) -> Inputs {
+        self.tick_began = clock::now();
+        let mut inputs = Inputs {
+            emergency_stop: self.sensors.pins & PINS_EMERGENCY_STOP != 0,
+            brown_out: self.sensors.pins & PINS_BROWN_OUT != 0,
+            last_execution_us: if self.overrun_periods == 0 { 0 } else { (1 + self.overrun_periods) * TICK_US },
+            ..Inputs::default()
+        };
+        for ((input, counter), hardware) in
+            inputs.encoders.iter_mut().zip(&mut self.counters).zip(self.sensors.counters)
+        {
+            *input = Some(counter.update(hardware));
+        }
+        for (input, gyro) in inputs.gyros.iter_mut().zip(self.gyros()) {
+            *input = gyro;
+        }
+        if let Ordeal::Delay(us) = self.sensors.ordeal {
+            clock::spin_us(us);
+        }
+        inputs
+    }
+
+    fn apply(&mut self, outputs: &Outputs) {
+        let mut duty = [Duty::ZERO; MOTORS];
+        duty.iter_mut().zip(outputs.duty).for_each(|(motor, duty)| *motor = duty);
+        self.preloaded = Some(duty);
+        self.tick_cycles = self.tick_began.cycles();
+        if outputs.stop {
+            motors_off();
+        }
+        self.overrun_periods = u32::from(clock::next_is_due());
+    }
+}
