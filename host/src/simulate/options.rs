@@ -46,6 +46,10 @@ pub enum Pace {
     Real,
     /// In a motion as fast as the host keeps up; otherwise as a real robot.
     Fast,
+    /// As fast, and at rest time passes for what the host sends only: so a motion can start at a tick of its own,
+    /// whatever time the host needs before.
+    #[value(skip)]
+    Patient,
 }
 
 /// A fault to inject. Times count from the first tick of the first motion.

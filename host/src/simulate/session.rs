@@ -13,6 +13,8 @@ use super::{Fault, Microcontroller, SimulateError};
 const ROOM: usize = 4096;
 /// Ticks since the last heartbeat until a fast simulation waits for the next: the device's timeout is 100.
 const HEARTBEAT_TICKS: u64 = 60;
+/// Ticks until what the host sent is taken, answered and on its way back: a long answer takes 5.5 ms of the line.
+const ANSWER_TICKS: u64 = 8;
 /// Samples that a fast simulation may be ahead of what the host has worked off.
 const AHEAD: i32 = 200;
 
@@ -51,6 +53,8 @@ pub(super) struct Session {
     heard: Decoder<MAX_TO_DEVICE_FRAME>,
     told: Decoder<MAX_TO_HOST_FRAME>,
     heard_tick: Option<u64>,
+    /// Tick of the last byte from the host.
+    delivered_tick: u64,
     seen_seq: u32,
     told_seq: u32,
 }
@@ -79,6 +83,7 @@ impl Session {
             heard: Decoder::new(),
             told: Decoder::new(),
             heard_tick: None,
+            delivered_tick: 0,
             seen_seq: 0,
             told_seq: 0,
         }
@@ -113,6 +118,11 @@ impl Session {
     /// A motion is played or about to begin: time may run fast.
     pub fn in_motion(&self) -> bool {
         matches!(self.board.state(), State::Running { .. } | State::Waiting { .. })
+    }
+
+    /// Whether a tick is due for what the host has sent; the first ones are due in any case.
+    pub fn is_due(&self) -> bool {
+        !self.from_host.is_empty() || self.ticks <= self.delivered_tick + ANSWER_TICKS
     }
 
     /// Whether any stall is on: its length is told in device time, which must not wait for the host then.
@@ -196,6 +206,7 @@ impl Session {
             return;
         }
         self.in_credit -= n as f64;
+        self.delivered_tick = self.ticks;
         let bytes: Vec<u8> = self.from_host.drain(..n).collect();
         for byte in &bytes {
             if let Some(Ok(payload)) = self.heard.feed(*byte)

@@ -1,7 +1,8 @@
 //! A simulated robot behind a pseudo-terminal, in a thread of its own.
 //!
 //! Time: at `Pace::Real` a tick takes a millisecond of the host's clock. At `Pace::Fast` a tick of a motion comes as soon
-//! as the host has kept up, and one at rest after a millisecond. There, time waits for the host's heartbeats and for
+//! as the host has kept up, and one at rest after a millisecond. `Pace::Patient` is the same in a motion; at rest a few
+//! ticks pass for every piece that the host sends, and none otherwise. There, time waits for the host's heartbeats and for
 //! what it has worked off, so that a slow machine never trips the device's timeout, and nothing runs ahead without
 //! bound. A host that closed the port or says nothing for [`PATIENCE`] is gone: time goes on, and the device stops as
 //! it should.
@@ -192,7 +193,16 @@ fn run(mut session: Session, mut pty: Pty, pace: Pace, stop: &AtomicBool) -> Res
         if !pty.has_host() {
             session.forget_host();
         }
-        let follows = pace == Pace::Fast && session.was_heard() && !session.in_stall();
+        if pace == Pace::Patient && !session.in_motion() {
+            (due, waiting_since) = (now, None);
+            if session.is_due() {
+                session.tick()?;
+            } else {
+                pty.wait(TICK)?;
+            }
+            continue;
+        }
+        let follows = pace != Pace::Real && session.was_heard() && !session.in_stall();
         if !follows || session.host_keeps_up() {
             waiting_since = None;
         }

@@ -9,6 +9,8 @@
 //! Which microcontroller stands at the pins is not the world's business: [`Board`](super::Board) runs the firmware's
 //! control core on this machine, and an emulator runs the image that is flashed.
 
+use embedded_hal::i2c::I2c as _;
+use embedded_hal::spi::SpiDevice as _;
 use firmware::driver::GyroRange;
 use protocol::{EncoderInfo, GyroInfo, MAX_ENCODERS, Side};
 
@@ -150,6 +152,33 @@ impl World {
     /// A motion begins: from here on the noise depends on nothing that was before.
     pub fn begin_motion(&mut self) {
         self.noise.begin_motion();
+    }
+
+    /// A transfer with chip select to the first part on SPI: the bytes that come back while these are sent.
+    pub fn spi(&self, sent: &[u8]) -> Option<Vec<u8>> {
+        let mut answer = vec![0; sent.len()];
+        self.gyros
+            .iter()
+            .find_map(|gyro| match gyro {
+                GyroChip::Spi(chip) => Some(chip.clone().transfer(&mut answer, sent)),
+                GyroChip::I2c(_) => None,
+            })?
+            .ok()?;
+        Some(answer)
+    }
+
+    /// A transfer on the I²C bus: bytes written to a part, then so many read; `None` if nobody acknowledges.
+    pub fn i2c(&self, address: u8, written: &[u8], read: usize) -> Option<Vec<u8>> {
+        let mut answer = vec![0; read];
+        self.gyros
+            .iter()
+            .find_map(|gyro| match gyro {
+                GyroChip::I2c(chip) if read == 0 => Some(chip.clone().write(address, written)),
+                GyroChip::I2c(chip) => Some(chip.clone().write_read(address, written, &mut answer)),
+                GyroChip::Spi(_) => None,
+            })?
+            .ok()?;
+        Some(answer)
     }
 
     /// The clock that chips and delays share.
