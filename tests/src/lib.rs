@@ -1,6 +1,8 @@
 //! Helpers of the stories: the `host` binary run as a process, scratch folders, the folder of independent recordings.
 #![forbid(unsafe_code)]
 
+pub mod machine;
+
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 

@@ -2,10 +2,11 @@
 
 use core::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 
+use cortex_m_semihosting::debug::{EXIT_FAILURE, exit};
 use cortex_m_semihosting::{nr, syscall};
 use firmware::lockstep::{FROM_WORLD, Kind, MAX_MESSAGE, Malformed, Request, TO_WORLD};
 
-use super::{clock, halt};
+use super::clock;
 
 /// Handles of the FIFOs, from [`open`] on.
 static OUT: AtomicUsize = AtomicUsize::new(0);
@@ -25,12 +26,12 @@ pub fn request(kind: Kind) -> Request {
 /// Says something that is not answered.
 pub fn tell(request: &Request) {
     let mut message = [0; MAX_MESSAGE];
-    let Ok(len) = request.write(&mut message) else { halt() };
+    let Ok(len) = request.write(&mut message) else { end() };
     let arguments = [OUT.load(Relaxed), message.as_ptr() as usize, len];
     // SAFETY: WRITE reads `len` bytes from the buffer, which outlives the call.
     let left = unsafe { syscall(nr::WRITE, &arguments) };
     if left != 0 {
-        halt();
+        end();
     }
 }
 
@@ -44,8 +45,15 @@ pub fn ask<T>(request: &Request, read: impl FnOnce(&[u8]) -> Result<T, Malformed
     let left = unsafe { syscall(nr::READ, &arguments) };
     let got = MAX_MESSAGE.saturating_sub(left);
     match message[..got].split_first() {
-        Some((len, body)) if usize::from(*len) == body.len() => read(body).unwrap_or_else(|_| halt()),
-        _ => halt(),
+        Some((len, body)) if usize::from(*len) == body.len() => read(body).unwrap_or_else(|_| end()),
+        _ => end(),
+    }
+}
+
+/// Ends the emulator: the world is gone or speaks another version.
+fn end() -> ! {
+    loop {
+        exit(EXIT_FAILURE);
     }
 }
 
@@ -56,5 +64,5 @@ fn open_one(name: &str, mode: usize) -> usize {
     let arguments = [path.as_ptr() as usize, mode, name.len()];
     // SAFETY: OPEN reads the name and its zero from the buffer, which outlives the call.
     let handle = unsafe { syscall(nr::OPEN, &arguments) };
-    if handle == usize::MAX { halt() } else { handle }
+    if handle == usize::MAX { end() } else { handle }
 }

@@ -1,0 +1,79 @@
+//! What goes wrong at the pins and in the processor.
+
+use firmware::lockstep::{Ordeal, PINS_BROWN_OUT, PINS_EMERGENCY_STOP, Sensors};
+
+/// Something that goes wrong in a tick of the motion.
+#[derive(Debug, Clone, Copy)]
+pub struct Mishap {
+    /// Ticks after the first one of the motion.
+    pub at: u32,
+    /// What.
+    pub what: What,
+}
+
+/// What can go wrong.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum What {
+    /// The emergency stop is pressed, and stays so.
+    EmergencyStop,
+    /// The supply breaks down, for good.
+    BrownOut,
+    /// The first gyro loses its supply: zeros on SPI.
+    Gyro1Dead,
+    /// The second gyro converts no more, and says every time that it has.
+    Gyro2Stuck,
+    /// The I²C hangs: no transfer ends any more.
+    I2cHangs,
+    /// An encoder's counter jumps by so many counts.
+    EncoderJumps {
+        /// Of this motor, from 0.
+        motor: usize,
+        /// By so many counts.
+        counts: u16,
+    },
+    /// One tick takes so much longer, µs.
+    Overrun(u16),
+    /// The commands task panics.
+    Panic,
+    /// The telemetry task hangs.
+    TelemetryHangs,
+}
+
+/// What befalls a machine, and what of it has begun.
+#[derive(Debug)]
+pub(super) struct Mishaps {
+    script: Vec<Mishap>,
+    frozen: Option<[u8; firmware::lockstep::I2C_BURST]>,
+}
+
+impl Mishaps {
+    pub fn new(script: Vec<Mishap>) -> Self {
+        Self { script, frozen: None }
+    }
+
+    /// Changes what the pins show `ticks` after the first tick of the motion.
+    pub fn befall(&mut self, ticks: u32, sensors: &mut Sensors) {
+        for Mishap { at, what } in &self.script {
+            if ticks < *at {
+                continue;
+            }
+            let once = |ordeal| if ticks == *at { ordeal } else { Ordeal::None };
+            match *what {
+                What::EmergencyStop => sensors.pins |= PINS_EMERGENCY_STOP,
+                What::BrownOut => sensors.pins |= PINS_BROWN_OUT,
+                What::Gyro1Dead => sensors.spi = sensors.spi.map(|_| Default::default()),
+                What::Gyro2Stuck => {
+                    self.frozen = self.frozen.or(sensors.i2c);
+                    sensors.i2c = self.frozen;
+                }
+                What::I2cHangs => sensors.i2c = None,
+                What::EncoderJumps { motor, counts } => {
+                    sensors.counters[motor] = sensors.counters[motor].wrapping_add(counts);
+                }
+                What::Overrun(us) => sensors.ordeal = once(Ordeal::Delay(us)),
+                What::Panic => sensors.ordeal = once(Ordeal::PanicInCommands),
+                What::TelemetryHangs => sensors.ordeal = once(Ordeal::TelemetryHangs),
+            }
+        }
+    }
+}

@@ -1,0 +1,101 @@
+//! The emulated machine: the firmware's machine code in QEMU, at the pins of a simulated robot, behind a serial port.
+//!
+//! ```text
+//!                 ┌────────────── QEMU, netduinoplus2 ──────────────┐
+//!   World ◀─FIFO─▶│ board/emulated ◀─▶ tasks ◀─▶ control core       │
+//!   plant, chips  │                     └──▶ USART1 ────────────────┼─▶ line at 921,600 baud ─▶ pty ─▶ host
+//!   motors, pins  │   received bytes ◀── exchange ◀─────────────────┼── line ◀───────────────── pty ◀─ host
+//!                 └─────────────────────────────────────────────────┘
+//! ```
+//!
+//! The way of time. The emulator's clock stands still while it waits for an answer of the world, and a tick is answered
+//! when the host has kept up (`host::simulate`). So the order of things is:
+//!
+//! ```text
+//!   host      heartbeat, request … ─────────┐                ┌─▶ samples
+//!   machine   ─ tick k asked ─ wait for it ─┴─ answer ─ run ─┴─ tick k+1 asked ─ …
+//!   device              stands still              1 ms           stands still
+//! ```
+//!
+//! A slow or busy PC makes the machine slower and changes nothing else; no test looks at a clock on the wall.
+
+mod controller;
+mod ear;
+mod image;
+mod log;
+mod mishap;
+mod qemu;
+
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex};
+
+use host::effect::TrueValue;
+use host::robot::Robot;
+use host::simulate::{self, Drawn, Fault, Pace, SimulationReport, Simulator};
+
+use controller::Machine;
+pub use image::image;
+pub use log::{Log, Period};
+pub use mishap::{Mishap, What};
+
+/// What to emulate.
+#[derive(Debug, Clone, Default)]
+pub struct Options {
+    /// Decides everything that is drawn.
+    pub seed: u64,
+    /// The tick in which the motion starts, if it is known beforehand; from it on a recording depends on the seed only.
+    pub start_tick: Option<u32>,
+    /// What goes wrong at the pins and in the processor.
+    pub mishaps: Vec<Mishap>,
+    /// What goes wrong on the line.
+    pub faults: Vec<Fault>,
+}
+
+/// A running machine. Dropped, it ends, and the emulator with it.
+pub struct Emulated {
+    simulator: Simulator,
+    log: Arc<Mutex<Log>>,
+    truth: Vec<TrueValue>,
+}
+
+impl Emulated {
+    /// Builds the image if need be, starts the emulator and opens the port.
+    ///
+    /// # Panics
+    /// If anything of that fails; the message says what is missing.
+    pub fn start(options: &Options) -> Self {
+        let robot = Robot::builtin("doggy").expect("the built-in robot is valid");
+        let mut wanted = simulate::Options::new(robot);
+        (wanted.seed, wanted.pace, wanted.faults) = (options.seed, Pace::Patient, options.faults.clone());
+        let Drawn { world, truth, .. } = Drawn::new(&wanted).expect("the built-in robot can be simulated");
+        let log = Arc::new(Mutex::new(Log::default()));
+        let machine = Machine::start(world, options, Arc::clone(&log));
+        let simulator = Simulator::of(Box::new(machine), &wanted).expect("there is a pseudo-terminal");
+        Self { simulator, log, truth }
+    }
+
+    /// The serial port, as `--port` takes it.
+    pub fn port(&self) -> PathBuf {
+        Path::to_owned(self.simulator.path())
+    }
+
+    /// The true parameters of the robot.
+    pub fn truth(&self) -> &[TrueValue] {
+        &self.truth
+    }
+
+    /// What the pins have shown so far.
+    pub fn so_far<T>(&self, look: impl FnOnce(&Log) -> T) -> T {
+        look(&self.log.lock().unwrap_or_else(|poisoned| poisoned.into_inner()))
+    }
+
+    /// Ends the machine; what the pins showed, and what the line did.
+    ///
+    /// # Panics
+    /// If the machine had ended by itself.
+    pub fn finish(self) -> (Log, SimulationReport) {
+        let report = self.simulator.finish().unwrap_or_else(|error| panic!("{error}"));
+        let log = std::mem::take(&mut *self.log.lock().unwrap_or_else(|poisoned| poisoned.into_inner()));
+        (log, report)
+    }
+}

@@ -1,0 +1,143 @@
+//! The emulator's process, its FIFOs and its monitor.
+
+use std::fs::{File, OpenOptions};
+use std::io::{self, Read, Write};
+use std::os::fd::AsFd;
+use std::os::unix::fs::OpenOptionsExt;
+use std::os::unix::net::UnixStream;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use firmware::lockstep::{FROM_WORLD, MAX_MESSAGE, Request, TO_WORLD};
+use nix::fcntl::OFlag;
+use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
+use nix::sys::stat::Mode;
+use tempfile::TempDir;
+
+const EMULATOR: &str = "qemu-system-arm";
+/// How it is installed.
+const INSTALL: &str = "apt-get update && apt-get install -y --no-install-recommends qemu-system-arm";
+/// What the USART sends.
+const USART: &str = "usart";
+const MONITOR: &str = "monitor";
+/// How long an emulator that should run may say nothing. It takes a millisecond; a busy PC may take seconds.
+const PATIENCE: Duration = Duration::from_secs(60);
+const LOOK_MS: u16 = 200;
+
+/// A running emulator. Dropped, it is ended. If this process dies, the image finds the FIFOs closed and ends it.
+#[derive(Debug)]
+pub struct Qemu {
+    child: Child,
+    folder: TempDir,
+    to_world: File,
+    from_world: File,
+    usart: File,
+    /// Messages read and not taken yet.
+    read: Vec<u8>,
+}
+
+impl Qemu {
+    /// Starts an image.
+    ///
+    /// # Panics
+    /// If there is no emulator; the message has the command that installs it.
+    pub fn start(image: &Path) -> io::Result<Self> {
+        let folder = tempfile::tempdir()?;
+        for name in [TO_WORLD, FROM_WORLD, USART] {
+            nix::unistd::mkfifo(&folder.path().join(name), Mode::S_IRUSR | Mode::S_IWUSR)?;
+        }
+        // Opened both ways, so that neither side waits for the other, and a reset of the machine is no end of file.
+        let open = |name: &str, flags: OFlag| {
+            OpenOptions::new().read(true).write(true).custom_flags(flags.bits()).open(folder.path().join(name))
+        };
+        let (to_world, from_world) = (open(TO_WORLD, OFlag::empty())?, open(FROM_WORLD, OFlag::empty())?);
+        let usart = open(USART, OFlag::O_NONBLOCK)?;
+        let child = Command::new(EMULATOR)
+            .args(["-M", "netduinoplus2", "-display", "none", "-kernel"])
+            .arg(image)
+            .args(["-semihosting-config", "enable=on,target=native"])
+            // 8 ns an instruction, and no waiting for the clock on the wall: the same run every time.
+            .args(["-icount", "shift=3,sleep=off"])
+            .args(["-serial", &format!("file:{USART}")])
+            .args(["-monitor", &format!("unix:{MONITOR},server=on,wait=off")])
+            .current_dir(folder.path())
+            .stdin(Stdio::null())
+            .stdout(Stdio::null())
+            .stderr(File::create(folder.path().join("stderr"))?)
+            .spawn();
+        let child = match child {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => {
+                panic!("{EMULATOR} is missing. Install it with:\n    {INSTALL}")
+            }
+            child => child?,
+        };
+        Ok(Self { child, folder, to_world, from_world, usart, read: Vec::new() })
+    }
+
+    /// The next request of the image.
+    pub fn request(&mut self) -> Result<Request, String> {
+        let since = Instant::now();
+        loop {
+            if let Some(len) = self.read.first().map(|len| usize::from(*len) + 1)
+                && self.read.len() >= len
+            {
+                let message: Vec<u8> = self.read.drain(..len).collect();
+                return Request::read(&message[1..])
+                    .map_err(|_| format!("a message that is none of this version: {message:x?}"));
+            }
+            let mut ends = [PollFd::new(self.to_world.as_fd(), PollFlags::POLLIN)];
+            if poll(&mut ends, PollTimeout::from(LOOK_MS)).map_err(|error| error.to_string())? > 0 {
+                let mut chunk = [0; 4 * MAX_MESSAGE];
+                let n = self.to_world.read(&mut chunk).map_err(|error| error.to_string())?;
+                self.read.extend_from_slice(&chunk[..n]);
+            } else if let Ok(Some(status)) = self.child.try_wait() {
+                return Err(format!("the emulator ended with {status}: {}", self.last_words()));
+            } else if since.elapsed() > PATIENCE {
+                return Err(format!("the image hangs: no request for {PATIENCE:?}; {}", self.last_words()));
+            }
+        }
+    }
+
+    /// Answers it, in one piece.
+    pub fn reply(&mut self, message: &[u8]) -> Result<(), String> {
+        self.from_world.write_all(message).map_err(|error| error.to_string())
+    }
+
+    /// Takes what the USART sent.
+    pub fn sent(&mut self, into: &mut Vec<u8>) -> Result<(), String> {
+        let mut chunk = [0; 4096];
+        loop {
+            match self.usart.read(&mut chunk) {
+                Ok(n) => into.extend_from_slice(&chunk[..n]),
+                Err(error) if error.kind() == io::ErrorKind::WouldBlock => return Ok(()),
+                Err(error) => return Err(error.to_string()),
+            }
+        }
+    }
+
+    /// Pulls the reset of the machine.
+    pub fn reset(&mut self) -> Result<(), String> {
+        let monitor = UnixStream::connect(self.folder.path().join(MONITOR));
+        monitor.and_then(|mut monitor| monitor.write_all(b"system_reset\n").map(|()| monitor)).map_or_else(
+            |error| Err(format!("the emulator's monitor: {error}")),
+            |mut monitor| {
+                // It closes when the command is done; what it prints is for people.
+                monitor.shutdown(std::net::Shutdown::Write).and_then(|()| io::copy(&mut monitor, &mut io::sink())).ok();
+                Ok(())
+            },
+        )
+    }
+
+    fn last_words(&self) -> String {
+        std::fs::read_to_string(self.folder.path().join("stderr")).unwrap_or_default()
+    }
+}
+
+impl Drop for Qemu {
+    fn drop(&mut self) {
+        // Ended already is as good.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
