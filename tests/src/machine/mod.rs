@@ -25,6 +25,7 @@ mod image;
 mod log;
 mod mishap;
 mod qemu;
+pub mod replay;
 
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};

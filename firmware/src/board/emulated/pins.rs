@@ -31,6 +31,7 @@ pub struct Pins {
     begin_cycles: u32,
     tick_began: clock::Moment,
     tick_cycles: u32,
+    stack_bytes: u16,
     arrived: Arrived,
 }
 
@@ -52,6 +53,7 @@ impl Pins {
             begin_cycles: 0,
             tick_began: clock::now(),
             tick_cycles: 0,
+            stack_bytes: 0,
             arrived,
         }
     }
@@ -76,12 +78,13 @@ impl wiring::Pins for Pins {
             fed: FED.swap(false, Relaxed),
             begin_cycles: self.begin_cycles,
             tick_cycles: self.tick_cycles,
-            stack_bytes: stack::deepest_bytes(),
+            stack_bytes: self.stack_bytes,
             spi: Icm42688p::<SpiBus>::READ_REQUEST,
             i2c: [BMI323_ADDRESS, register],
         };
         let exchange_began = clock::now();
         self.sensors = exchange::ask(&Request { t_us, kind: Kind::Tick(tick) }, Sensors::read);
+        self.stack_bytes = stack::deepest_bytes();
         let exchange_cycles = exchange_began.cycles();
         match self.sensors.ordeal {
             Ordeal::None | Ordeal::Delay(_) => {}

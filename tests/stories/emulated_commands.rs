@@ -1,0 +1,96 @@
+//! What the machine code in the emulator makes of a host that talks nonsense.
+
+use std::fs::OpenOptions;
+use std::io::Write;
+use std::path::Path;
+
+use host::link::{self, Device, LinkError};
+use protocol::motion::{MAX_MOTION_MS, MAX_SEGMENT_MS};
+use protocol::{Action, Motion, MotionError, MotionId, Refusal};
+use rand::{RngExt, SeedableRng};
+use tests::host_succeeds;
+use tests::machine::{Emulated, Options};
+
+fn swing() -> Motion {
+    toml::from_str(include_str!("swing.toml")).unwrap()
+}
+
+/// The motion is recorded to its end, and nothing is lost.
+fn works(machine: &Emulated) {
+    let scratch = tempfile::tempdir().unwrap();
+    let motion = Path::new(env!("CARGO_MANIFEST_DIR")).join("stories/swing.toml");
+    let (port, run) = (machine.port(), scratch.path().join("run.mcap"));
+    let said = host_succeeds([
+        "record".as_ref(),
+        "--set-zero".as_ref(),
+        "--port".as_ref(),
+        port.as_path(),
+        "--motion".as_ref(),
+        motion.as_path(),
+        "-o".as_ref(),
+        run.as_path(),
+    ]);
+    assert!(said.contains(", 0 lost"), "{said}");
+}
+
+#[test]
+fn a_megabyte_of_nonsense_is_survived() {
+    let machine = Emulated::start(&Options { seed: 3, ..Options::default() });
+    let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(3);
+    let mut nonsense = vec![0; 1_000_000];
+    rng.fill(&mut nonsense[..]);
+    let mut line = OpenOptions::new().write(true).open(machine.port()).unwrap();
+    line.write_all(&nonsense).unwrap();
+    drop(line);
+    works(&machine);
+    let (log, _) = machine.finish();
+    let heard: usize = log.periods.iter().map(|period| period.sensors.host.len()).sum();
+    assert!(heard > nonsense.len(), "all of it went through the receiver: {heard} bytes");
+    assert_eq!(log.starts.len(), 1, "no reset");
+    let motion = log.motion.unwrap();
+    let at_rest = log.periods[..motion].iter().all(|period| period.duty.iter().all(|duty| duty.0 == 0));
+    assert!(at_rest, "nothing moved before it was asked to");
+}
+
+#[test]
+fn motions_that_break_a_rule_are_refused_and_nothing_moves() {
+    let machine = Emulated::start(&Options { seed: 3, ..Options::default() });
+    let mut device = Device::open(&machine.port().display().to_string(), &link::Options::default()).unwrap();
+    device.settle().unwrap();
+    device.set_zero().unwrap();
+    let refused = |device: &mut Device, motion: &Motion| match device.upload(MotionId(1), motion) {
+        Err(LinkError::Refused { refusal, .. }) => *refusal,
+        other => panic!("not refused: {other:?}"),
+    };
+
+    let mut outside = swing();
+    let chirp = outside.segments[1].clone();
+    outside.segments[1].action = Action::MoveTo {
+        joints: protocol::JointSet::only(1),
+        targets: heapless::Vec::from_slice(&[0.61]).unwrap(),
+        ceiling: protocol::Duty(1000),
+        tolerance: 0.01,
+        timeout_ms: 1000,
+    };
+    let reason = Refusal::Motion(MotionError::OutsideLimits { segment: 1, joint: 1, position: 0.61 });
+    assert_eq!(refused(&mut device, &outside), reason);
+
+    let mut malformed = swing();
+    malformed.gain.truncate(2);
+    assert_eq!(refused(&mut device, &malformed), Refusal::Motion(MotionError::Gains { got: 2, joints: 3 }));
+
+    let mut long = swing();
+    while long.longest_ms() <= MAX_MOTION_MS {
+        let mut segment = chirp.clone();
+        segment.action = Action::Zero { duration_ms: MAX_SEGMENT_MS };
+        long.segments.push(segment).unwrap();
+    }
+    assert!(matches!(refused(&mut device, &long), Refusal::Motion(MotionError::TooLong { .. })));
+
+    let nothing_there = device.start(MotionId(1), None).unwrap_err();
+    assert!(nothing_there.to_string().contains("is not there"), "{nothing_there}");
+    drop(device);
+    let at_rest = machine.so_far(|log| log.periods.iter().all(|period| period.duty.iter().all(|duty| duty.0 == 0)));
+    assert!(at_rest, "nothing moved");
+    works(&machine);
+}

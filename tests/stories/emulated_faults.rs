@@ -1,0 +1,131 @@
+//! What stops the machine code in the emulator: how soon the pins show zero duty, and what the host is told.
+//!
+//! Ticks are counted at the pins of the simulated robot, from the tick in which the fault came.
+
+use std::path::{Path, PathBuf};
+
+use host::link;
+use host::simulate::Fault;
+use protocol::ResetReason;
+use tests::machine::{Emulated, Log, Mishap, Options, What};
+use tests::run_host;
+
+/// Ticks after the start of the motion.
+const AT: u32 = 400;
+
+/// A machine whose motion was stopped.
+struct Stopped {
+    machine: Emulated,
+    /// What `host record` said.
+    said: String,
+}
+
+impl Stopped {
+    /// Records the short motion with this mishap, which must end it.
+    fn by(what: What) -> Self {
+        Self::record(Options { seed: 5, mishaps: vec![Mishap { at: AT, what }], ..Options::default() })
+    }
+
+    fn record(options: Options) -> Self {
+        let machine = Emulated::start(&options);
+        let scratch = tempfile::tempdir().unwrap();
+        let (port, run) = (machine.port(), scratch.path().join("run.mcap"));
+        let motion = swing();
+        let output = run_host([
+            "record".as_ref(),
+            "--set-zero".as_ref(),
+            "--port".as_ref(),
+            port.as_path(),
+            "--motion".as_ref(),
+            motion.as_path(),
+            "-o".as_ref(),
+            run.as_path(),
+        ]);
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(3), "{said}");
+        Self { machine, said }
+    }
+
+    /// The host was told so, and the motors are without duty after so many ticks.
+    fn told(self, reason: &str, ticks: std::ops::RangeInclusive<usize>) -> Log {
+        assert!(self.said.contains(reason), "{}", self.said);
+        let (log, _) = self.machine.finish();
+        let (driven, to_zero) = (log.motion_from(AT - 50), log.ticks_to_zero(AT));
+        let moving = driven[..50].iter().all(|period| period.duty.iter().any(|duty| duty.0 != 0));
+        assert!(moving, "the motors were driven before");
+        eprintln!("{reason}: zero duty after {to_zero} ticks");
+        assert!(ticks.contains(&to_zero), "{to_zero} ticks until zero duty, {ticks:?} expected");
+        log
+    }
+}
+
+fn swing() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("stories/swing.toml")
+}
+
+/// The device waits for 100 ms since the last heartbeat, which came at most 60 ms before the line was cut.
+#[test]
+fn heartbeats_that_stay_away_stop_the_motion() {
+    let cut = Fault::StallIn { duration_s: 1.0, at_s: 1e-3 * f64::from(AT) };
+    let stopped = Stopped::record(Options { seed: 5, faults: vec![cut], ..Options::default() });
+    stopped.told("the host's heartbeats stayed away", 38..=101);
+}
+
+#[test]
+fn an_emergency_stop_acts_within_its_tick() {
+    Stopped::by(What::EmergencyStop).told("emergency stop", 0..=0);
+}
+
+#[test]
+fn a_supply_that_breaks_down_stops_the_motors_within_its_tick() {
+    Stopped::by(What::BrownOut).told("the supply is too low", 0..=0);
+}
+
+/// The third tick without a reading is one too many.
+#[test]
+fn a_dead_gyro_stops_the_motion_in_the_third_tick() {
+    Stopped::by(What::Gyro1Dead).told("gyro 1 does not answer", 2..=2);
+}
+
+/// Its noise moves the words of a gyro that lives; 50 repeats never happen.
+#[test]
+fn a_gyro_that_repeats_itself_stops_the_motion() {
+    Stopped::by(What::Gyro2Stuck).told("gyro 2 is stuck at one reading", 50..=50);
+}
+
+#[test]
+fn a_bus_that_hangs_stops_the_motion_in_the_third_tick() {
+    Stopped::by(What::I2cHangs).told("the bus of gyro 2 hangs", 2..=2);
+}
+
+/// 1000 counts are 0.15 rad in a millisecond.
+#[test]
+fn an_encoder_that_jumps_stops_the_motion_within_its_tick() {
+    Stopped::by(What::EncoderJumps { motor: 1, counts: 1000 }).told("encoder 2 jumped", 0..=0);
+}
+
+/// The tick after the one that ran too long stops.
+#[test]
+fn a_tick_that_overruns_its_period_stops_the_motion() {
+    Stopped::by(What::Overrun(1300)).told("the control loop overran its period", 1..=1);
+}
+
+#[test]
+fn a_panic_lets_go_of_the_motors_and_its_place_is_told() {
+    let stopped = Stopped::by(What::Panic);
+    let hello = link::probe(&stopped.machine.port().display().to_string(), &link::Options::default()).unwrap();
+    assert_eq!(hello.reset, ResetReason::Panic);
+    let place = hello.panic.expect("the place survived the reset");
+    assert!(place.file.ends_with("board/emulated/line.rs") && place.line > 1, "{place:?}");
+    let log = stopped.told("restarted (panic", 0..=0);
+    assert_eq!(log.starts, [ResetReason::PowerOn, ResetReason::Software], "the processor reset itself, once");
+}
+
+#[test]
+fn a_task_that_hangs_is_found_by_the_watchdog() {
+    let stopped = Stopped::by(What::TelemetryHangs);
+    let hello = link::probe(&stopped.machine.port().display().to_string(), &link::Options::default()).unwrap();
+    assert_eq!((hello.reset, hello.panic), (ResetReason::Watchdog, None));
+    let log = stopped.told("restarted (watchdog", 20..=80);
+    assert_eq!(log.starts, [ResetReason::PowerOn, ResetReason::Watchdog]);
+}
