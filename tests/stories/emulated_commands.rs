@@ -87,6 +87,8 @@ fn motions_that_break_a_rule_are_refused_and_nothing_moves() {
     }
     assert!(matches!(refused(&mut device, &long), Refusal::Motion(MotionError::TooLong { .. })));
 
+    // From here on heartbeats are sent.
+    device.stream().unwrap();
     let nothing_there = device.start(MotionId(1), None).unwrap_err();
     assert!(nothing_there.to_string().contains("is not there"), "{nothing_there}");
     drop(device);

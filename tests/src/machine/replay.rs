@@ -32,7 +32,7 @@ impl Said {
             let payload = payload.expect("the machine's line is a good one");
             match read_to_host(payload, Some(&Layout::DOGGY)).expect("both have the same version") {
                 ToHost::Sample(_) => said.samples.push(payload.to_vec()),
-                ToHost::Report(Report::Defmt(_) | Report::Log { .. }) => {}
+                ToHost::Report(Report::Defmt { .. } | Report::Log { .. }) => {}
                 ToHost::Report(_) => said.answers.push(payload.to_vec()),
             }
         }
@@ -80,6 +80,9 @@ fn inputs(sensors: &Sensors, counters: &mut [QuadratureCounter; MOTORS]) -> Inpu
     }
     let spi = sensors.spi.map(|answer| Icm42688p::<Shared<Icm42688pChip>>::decode(&answer));
     let i2c = sensors.i2c.map(|answer| Bmi323::<Shared<Bmi323Chip>>::decode(&answer));
-    inputs.gyros = [spi.map_or(GyroInput::BusError, |read| Ok::<_, ()>(read).into()), i2c.map_or(GyroInput::BusError, |read| Ok::<_, ()>(read).into())];
+    inputs.gyros = [
+        spi.map_or(GyroInput::BusError, |read| Ok::<_, ()>(read).into()),
+        i2c.map_or(GyroInput::BusError, |read| Ok::<_, ()>(read).into()),
+    ];
     inputs
 }

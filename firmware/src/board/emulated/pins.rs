@@ -84,6 +84,8 @@ impl wiring::Pins for Pins {
         };
         let exchange_began = clock::now();
         self.sensors = exchange::ask(&Request { t_us, kind: Kind::Tick(tick) }, Sensors::read);
+        // All of this a real board does not do, or its DMA does it: it does not count.
+        self.arrived.put(&self.sensors.host);
         self.stack_bytes = stack::deepest_bytes();
         let exchange_cycles = exchange_began.cycles();
         match self.sensors.ordeal {
@@ -92,7 +94,6 @@ impl wiring::Pins for Pins {
             Ordeal::TelemetryHangs => line::hang_in_telemetry(),
             Ordeal::Halt => halt(),
         }
-        self.arrived.put(&self.sensors.host);
         NVIC::pend(Interrupt::TIM5);
         self.begin_cycles = began.cycles().saturating_sub(exchange_cycles);
         t_us
