@@ -98,6 +98,8 @@ fn a_reset_of_the_board_ends_the_recording_with_its_reason() {
     let session = Session::of("seed=41,fault=reset@10");
     assert_eq!(session.output.status.code(), Some(3), "{}", session.said());
     assert!(session.said().contains("restarted (watchdog)"), "{}", session.said());
+    // Asked once more, the device tells what a handshake tells.
+    assert!(session.said().contains("warning: the device was restarted by its watchdog"), "{}", session.said());
     let recording = session.recording();
     assert!((recording.len() as f64 - 10_000.0).abs() < 500.0, "{} samples", recording.len());
     assert!(!recording.balance.unwrap().closed, "the device's count went with the reset");

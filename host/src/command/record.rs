@@ -6,8 +6,8 @@ use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::{Arc, Mutex};
 
 use firmware::motion::preset;
-use protocol::Motion;
 use protocol::budget::{self, BAUD};
+use protocol::{Hello, Motion};
 
 use super::simulate::{say_faults, simulate_failure, simulated_port, write_truth};
 use super::{Exit, Failure, LiveFile, Ui, interrupt, robot_failure};
@@ -80,9 +80,7 @@ pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
         "{}: {}, firmware {}, started: {started}",
         args.port, identity.robot, identity.firmware_version
     ));
-    if let Some(Restart { by, advice }) = link::restart(device.hello()) {
-        ui.warn(format_args!("the device was restarted by {by}"), advice);
-    }
+    say_restart(ui, device.hello());
     let dictionary = dictionary.filter(|dictionary| match dictionary.fits(device.hello()) {
         Ok(()) => true,
         Err(error) => {
@@ -124,6 +122,12 @@ pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
     drop(bar);
     let balance = device.balance();
     drop(device);
+    interrupt.releases();
+    if let Err(CaptureError::Link(LinkError::Restarted { .. })) = &captured
+        && let Ok(hello) = link::probe(&port, &options)
+    {
+        say_restart(ui, &hello);
+    }
     if let Some((simulator, _, truth)) = simulated {
         let report = simulator.finish().map_err(simulate_failure)?;
         say_faults(ui, &report);
@@ -171,6 +175,13 @@ fn losses(balance: &crate::recording::LossBalance) -> String {
         balance.damaged_frames,
         if balance.closed { "" } else { "; not confirmed by the device" }
     )
+}
+
+/// A warning if the device's last start was not an ordinary one.
+fn say_restart(ui: &Ui, hello: &Hello) {
+    if let Some(Restart { by, advice }) = link::restart(hello) {
+        ui.warn(format_args!("the device was restarted by {by}"), advice);
+    }
 }
 
 /// How far it is, on the terminal.
@@ -266,6 +277,11 @@ impl Interrupt {
             }
         });
         interrupt
+    }
+
+    /// The device is closed; its stopper would hold the port.
+    fn releases(&self) {
+        *self.guarded.lock().unwrap_or_else(|e| e.into_inner()) = None;
     }
 
     fn guards(&self, stopper: Stopper) {
