@@ -80,6 +80,8 @@ pub struct Dictionary {
     table: Table,
     /// Empty if the file tells nothing about its source.
     places: Locations,
+    /// The folder that all places have in common, which nobody needs to read.
+    sources: PathBuf,
     code_crc: u32,
 }
 
@@ -117,7 +119,8 @@ impl Dictionary {
         }
         // A file without them still has its texts.
         let places = table.get_locations(elf).unwrap_or_default();
-        Ok(Self { path, table, places, code_crc })
+        let sources = common_folder(places.values().map(|place| place.file.as_path()));
+        Ok(Self { path, table, places, sources, code_crc })
     }
 
     /// Whether this is the program that runs on a device.
@@ -148,11 +151,23 @@ impl Dictionary {
                 t_us: frame.display_timestamp().and_then(|time| microseconds(&time.to_string())),
                 level,
                 message: frame.display_message().to_string(),
-                place: place.map(|place| Place { file: place.file.display().to_string(), line: place.line }),
+                place: place.map(|place| Place {
+                    file: place.file.strip_prefix(&self.sources).unwrap_or(&place.file).display().to_string(),
+                    line: place.line,
+                }),
             })
         };
         std::panic::catch_unwind(std::panic::AssertUnwindSafe(read)).ok().flatten()
     }
+}
+
+/// The folder that is common to all files; empty if there is no file.
+fn common_folder<'a>(mut files: impl Iterator<Item = &'a Path>) -> PathBuf {
+    let first = files.next().and_then(Path::parent).unwrap_or(Path::new("")).to_owned();
+    files.fold(first, |common, file| {
+        let same = common.components().zip(file.components()).take_while(|(a, b)| a == b);
+        same.map(|(component, _)| component).collect()
+    })
 }
 
 /// The µs of a time in seconds with six decimals, as defmt's hint `us` prints a count of µs.
@@ -163,4 +178,27 @@ fn microseconds(seconds: &str) -> Option<u32> {
     }
     let (whole, fraction): (u64, u64) = (whole.parse().ok()?, fraction.parse().ok()?);
     u32::try_from(whole.checked_mul(1_000_000)?.checked_add(fraction)?).ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn places_are_told_from_their_common_folder_on() {
+        let common = |files: &[&str]| common_folder(files.iter().map(Path::new));
+        assert_eq!(common(&["/w/firmware/src/main.rs", "/w/firmware/src/board/gyro.rs"]), Path::new("/w/firmware/src"));
+        assert_eq!(common(&["/w/firmware/src/main.rs"]), Path::new("/w/firmware/src"));
+        assert_eq!(common(&["/w/a.rs", "x/b.rs"]), Path::new(""));
+        assert_eq!(common(&[]), Path::new(""));
+    }
+
+    #[test]
+    fn only_microseconds_are_a_time() {
+        assert_eq!(microseconds("1.000002"), Some(1_000_002));
+        assert_eq!(microseconds("4294.967295"), Some(u32::MAX));
+        for other in ["4294.967296", "1.002", "12", "-1.000000", "", "."] {
+            assert_eq!(microseconds(other), None, "{other}");
+        }
+    }
 }
