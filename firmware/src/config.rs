@@ -87,6 +87,7 @@ impl Config {
     ///
     /// # Errors
     /// [`ConfigError`] if they do not fit together.
+    #[inline(never)]
     pub fn new(
         robot: &str,
         joints: &[JointSetup],
@@ -131,14 +132,14 @@ impl Config {
     }
 
     /// Why the device started, for the handshake and the first event.
-    pub fn started_by(mut self, reset: ResetReason, panic: Option<PanicPlace>) -> Self {
+    pub fn started_by(&mut self, reset: ResetReason, panic: Option<PanicPlace>) -> &mut Self {
         self.hello.reset = reset;
         self.hello.panic = panic;
         self
     }
 
     /// CRC-32 over the program's code, for the handshake: see [`Hello::code_crc`].
-    pub fn code_crc(mut self, crc: u32) -> Self {
+    pub fn code_crc(&mut self, crc: u32) -> &mut Self {
         self.hello.code_crc = Some(crc);
         self
     }

@@ -17,11 +17,12 @@ fn main() {
 #[cfg(target_os = "none")]
 #[rtic::app(device = stm32f4xx_hal::pac, peripherals = true)]
 mod app {
+    use core::mem::MaybeUninit;
     use core::sync::atomic::{AtomicU32, Ordering};
 
     use firmware::queues::{Queues, TelemetryEnds, TickEnds};
     use firmware::wiring::{LineIn as _, LineOut as _, Pins as _, Watchdog as _};
-    use firmware::{ControlLoop, Receiver, Telemetry};
+    use firmware::{ControlLoop, Receiver, Telemetry, robot};
     use heapless::spsc::Producer;
     use protocol::ToDevice;
     use stm32f4xx_hal::pac::Interrupt;
@@ -38,39 +39,47 @@ mod app {
 
     #[local]
     struct Local {
-        control: ControlLoop,
+        control: &'static mut ControlLoop,
         tick_ends: TickEnds<'static>,
         watchdog: board::Watchdog,
-        telemetry: Telemetry,
+        telemetry: &'static mut Telemetry,
         telemetry_ends: TelemetryEnds<'static>,
         line_out: board::LineOut,
-        receiver: Receiver,
         commands: Producer<'static, ToDevice>,
         line_in: board::LineIn,
     }
 
-    #[init(local = [queues: Queues = Queues::new()])]
+    #[init(local = [
+        queues: Queues = Queues::new(),
+        control_room: MaybeUninit<ControlLoop> = MaybeUninit::uninit(),
+        telemetry_room: MaybeUninit<Telemetry> = MaybeUninit::uninit(),
+    ])]
     fn init(ctx: init::Context) -> (Shared, Local) {
         let board = board::start(ctx.core, ctx.device);
         let (reset, panic) = board.started;
         defmt::info!("started");
-        let config =
-            firmware::robot::doggy().expect("tests build it").started_by(reset, panic).code_crc(board::code_crc());
+        let mut config = robot::doggy();
+        config.started_by(reset, panic).code_crc(board::code_crc());
         let (tick_ends, telemetry_ends, commands) = ctx.local.queues.split();
         (
             Shared { pins: board.pins, now_us: AtomicU32::new(0) },
             Local {
-                control: ControlLoop::new(&config),
+                control: keep(ctx.local.control_room, || ControlLoop::new(&config)),
                 tick_ends,
                 watchdog: board.watchdog,
-                telemetry: Telemetry::new(&config),
+                telemetry: keep(ctx.local.telemetry_room, || Telemetry::new(&config)),
                 telemetry_ends,
                 line_out: board.line_out,
-                receiver: Receiver::new(),
                 commands,
                 line_in: board.line_in,
             },
         )
+    }
+
+    /// Makes a large value where it is to stay; on its own, so that its passage over the stack is over when it returns.
+    #[inline(never)]
+    fn keep<T>(room: &'static mut MaybeUninit<T>, make: impl FnOnce() -> T) -> &'static mut T {
+        room.write(make())
     }
 
     #[task(binds = SysTick, priority = 4, shared = [pins, &now_us])]
@@ -116,7 +125,7 @@ mod app {
         }
     }
 
-    #[task(binds = USART1, priority = 1, local = [receiver, commands, line_in])]
+    #[task(binds = USART1, priority = 1, local = [receiver: Receiver = Receiver::new(), commands, line_in])]
     fn commands(ctx: commands::Context) {
         let mut bytes = [0; 64];
         let n = ctx.local.line_in.read(&mut bytes);

@@ -10,6 +10,7 @@
 //! (samples) or asked for again by the host (answers).
 
 use heapless::spsc::{Consumer, Producer, Queue};
+use protocol::motion::Motion;
 use protocol::request::Status;
 use protocol::{Event, Loss, MAX_ENCODERS, Refusal, Sample, ToDevice};
 
@@ -50,12 +51,14 @@ pub enum Reply {
     Event(Event),
 }
 
-/// The queues. One more place than they can hold, as such queues are.
-#[derive(Debug, Default)]
+/// The queues, and the motion that the host has sent: what is too large to pass over a stack, so that a board can have
+/// it in a static. A queue has one more place than it can hold, as such queues are.
+#[derive(Debug)]
 pub struct Queues {
     commands: Queue<ToDevice, { COMMAND_QUEUE + 1 }>,
     samples: Queue<Sample, { SAMPLE_QUEUE + 1 }>,
     replies: Queue<Reply, { REPLY_QUEUE + 1 }>,
+    motion: Motion,
 }
 
 /// The ends that the tick holds.
@@ -66,6 +69,8 @@ pub struct TickEnds<'a> {
     pub samples: Producer<'a, Sample>,
     /// Everything else for the host.
     pub replies: Producer<'a, Reply>,
+    /// The motion that was uploaded, or is being; nobody else looks at it.
+    pub motion: &'a mut Motion,
 }
 
 /// The ends that telemetry holds.
@@ -76,10 +81,16 @@ pub struct TelemetryEnds<'a> {
     pub replies: Consumer<'a, Reply>,
 }
 
+impl Default for Queues {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
 impl Queues {
-    /// Empty queues.
+    /// Empty queues and an empty motion.
     pub const fn new() -> Self {
-        Queues { commands: Queue::new(), samples: Queue::new(), replies: Queue::new() }
+        Queues { commands: Queue::new(), samples: Queue::new(), replies: Queue::new(), motion: Motion::EMPTY }
     }
 
     /// The ends for the tick, for telemetry and for the receiver. A board splits once, at start.
@@ -88,6 +99,6 @@ impl Queues {
         let (samples, samples_out) = self.samples.split();
         let (replies, replies_out) = self.replies.split();
         let telemetry = TelemetryEnds { samples: samples_out, replies: replies_out };
-        (TickEnds { commands, samples, replies }, telemetry, command_in)
+        (TickEnds { commands, samples, replies, motion: &mut self.motion }, telemetry, command_in)
     }
 }

@@ -12,6 +12,27 @@ pub struct Receiver {
     counts: ReceiveCounts,
 }
 
+/// What became of a frame.
+enum Taken {
+    Queued,
+    Dropped,
+    Unknown,
+}
+
+/// Gives the message of a payload to the tick. On its own, so that its message is on the stack only while it runs.
+#[inline(never)]
+fn take(payload: &[u8], commands: &mut Producer<'_, ToDevice>) -> Taken {
+    let queued = match read_to_device(payload) {
+        Ok(message) => commands.enqueue(message).is_ok(),
+        // A greeting of another version is longer or shorter than ours, but begins alike.
+        Err(_) => match peek_greeting(payload) {
+            Some(greeting) => commands.enqueue(ToDevice::Hello(greeting)).is_ok(),
+            None => return Taken::Unknown,
+        },
+    };
+    if queued { Taken::Queued } else { Taken::Dropped }
+}
+
 /// What the receiver made of the line.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ReceiveCounts {
@@ -35,18 +56,13 @@ impl Receiver {
     pub fn receive(&mut self, bytes: &[u8], commands: &mut Producer<'_, ToDevice>) {
         for byte in bytes {
             let Some(frame) = self.decoder.feed(*byte) else { continue };
-            let Ok(payload) = frame else {
-                self.counts.damaged = self.counts.damaged.wrapping_add(1);
-                continue;
+            let counts = &mut self.counts;
+            let count = match frame.map(|payload| take(payload, commands)) {
+                Err(_) => &mut counts.damaged,
+                Ok(Taken::Unknown) => &mut counts.unknown,
+                Ok(Taken::Dropped) => &mut counts.dropped,
+                Ok(Taken::Queued) => &mut counts.taken,
             };
-            // A greeting of another version is longer or shorter than ours, but begins alike.
-            let message = read_to_device(payload).ok().or_else(|| peek_greeting(payload).map(ToDevice::Hello));
-            let Some(message) = message else {
-                self.counts.unknown = self.counts.unknown.wrapping_add(1);
-                continue;
-            };
-            let taken = commands.enqueue(message).is_ok();
-            let count = if taken { &mut self.counts.taken } else { &mut self.counts.dropped };
             *count = count.wrapping_add(1);
         }
     }

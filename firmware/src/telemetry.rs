@@ -2,7 +2,7 @@
 
 use protocol::budget;
 use protocol::frame::DELIMITER;
-use protocol::message::{LOG_PIECE, MAX_TO_HOST_FRAME, WriteError, write_report, write_sample};
+use protocol::message::{LOG_PIECE, MAX_TO_HOST_FRAME, WriteError, write_own_report, write_sample};
 use protocol::{Hello, Report};
 
 use crate::config::Config;
@@ -26,6 +26,7 @@ const SAMPLES_PER_PIECE: u32 = 1_000_000 / TICK_US / budget::LOG.per_s;
 
 impl Telemetry {
     /// For a robot.
+    #[inline(never)]
     pub fn new(config: &Config) -> Self {
         Telemetry { hello: config.hello.clone(), log_bytes: 0, log_whole: true, samples: 0 }
     }
@@ -35,7 +36,7 @@ impl Telemetry {
     pub fn transmit(&mut self, out: &mut [u8], ends: &mut TelemetryEnds<'_>) -> usize {
         let mut used = 0;
         while let Some(reply) = ends.replies.peek() {
-            let Ok(n) = self.write_reply(reply, &mut out[used..]) else {
+            let Ok(n) = write_reply(reply, &mut self.hello, &mut out[used..]) else {
                 return used;
             };
             used += n;
@@ -75,23 +76,22 @@ impl Telemetry {
         self.samples = 0;
         let bytes = bytes[..n].iter().copied().collect();
         // There is room for any frame.
-        write_report(&Report::Defmt { at, bytes }, out).unwrap_or(0)
+        write_own_report(&Report::Defmt { at, bytes }, out).unwrap_or(0)
     }
+}
 
-    fn write_reply(&self, reply: &Reply, out: &mut [u8]) -> Result<usize, WriteError> {
-        let report = match reply.clone() {
-            Reply::Hello { zero } => {
-                let mut hello = self.hello.clone();
-                hello.zero = zero.map(|zero| zero.into_iter().take(hello.layout.encoders()).collect());
-                Report::Hello(hello)
-            }
-            Reply::Accepted { id } => Report::Accepted { id },
-            Reply::Refused { id, refusal } => Report::Refused { id, refusal },
-            Reply::HeartbeatSeen { count, t_us } => Report::HeartbeatSeen { count, t_us },
-            Reply::Status(status) => Report::Status(status),
-            Reply::Loss(loss) => Report::Loss(loss),
-            Reply::Event(event) => Report::Event(event),
-        };
-        write_report(&report, out)
-    }
+fn write_reply(reply: &Reply, hello: &mut Hello, out: &mut [u8]) -> Result<usize, WriteError> {
+    let report = match reply {
+        Reply::Hello { zero } => {
+            hello.zero = zero.map(|zero| zero.into_iter().take(hello.layout.encoders()).collect());
+            Report::Hello(&*hello)
+        }
+        Reply::Accepted { id } => Report::Accepted { id: *id },
+        Reply::Refused { id, refusal } => Report::Refused { id: *id, refusal: *refusal },
+        Reply::HeartbeatSeen { count, t_us } => Report::HeartbeatSeen { count: *count, t_us: *t_us },
+        Reply::Status(status) => Report::Status(*status),
+        Reply::Loss(loss) => Report::Loss(*loss),
+        Reply::Event(event) => Report::Event(*event),
+    };
+    write_own_report(&report, out)
 }

@@ -4,7 +4,9 @@
 //! 87 % for valid; CRC-16 let some three-byte errors pass; CRC-32 none.
 
 use cobs::{DecodeResult, DecoderState};
-use crc::{CRC_32_ISO_HDLC, Crc, Table};
+use crc::{CRC_32_ISO_HDLC, Crc, Digest, Table};
+use postcard::ser_flavors::{Cobs, Flavor, Slice};
+use serde::Serialize;
 
 /// Ends a frame and occurs nowhere else.
 pub const DELIMITER: u8 = 0x00;
@@ -19,6 +21,62 @@ static CRC: Crc<u32, Table<1>> = Crc::<u32, Table<1>>::new(&CRC_32_ISO_HDLC);
 /// The CRC-32 of some bytes.
 pub fn crc32(bytes: &[u8]) -> u32 {
     CRC.checksum(bytes)
+}
+
+/// The CRC-32 of some bytes and of what a value is encoded as, without a buffer for it.
+pub(crate) fn crc32_of(bytes: &[u8], value: &impl Serialize) -> u32 {
+    let mut digest = CRC.digest();
+    digest.update(bytes);
+    // Nothing in `Summing` fails, and no message has a map or a sequence without a length.
+    postcard::serialize_with_flavor(value, Summing(digest)).unwrap_or(0)
+}
+
+/// Encodes into a checksum instead of into bytes.
+struct Summing(Digest<'static, u32, Table<1>>);
+
+impl Flavor for Summing {
+    type Output = u32;
+
+    fn try_push(&mut self, byte: u8) -> postcard::Result<()> {
+        self.0.update(&[byte]);
+        Ok(())
+    }
+
+    fn finalize(self) -> postcard::Result<u32> {
+        Ok(self.0.finalize())
+    }
+}
+
+/// Encodes with the checksum behind the payload.
+struct Checked<'a> {
+    digest: Digest<'static, u32, Table<1>>,
+    line: Cobs<Slice<'a>>,
+}
+
+impl<'a> Flavor for Checked<'a> {
+    type Output = &'a mut [u8];
+
+    fn try_push(&mut self, byte: u8) -> postcard::Result<()> {
+        self.digest.update(&[byte]);
+        self.line.try_push(byte)
+    }
+
+    fn finalize(mut self) -> postcard::Result<&'a mut [u8]> {
+        self.line.try_extend(&self.digest.finalize().to_le_bytes())?;
+        self.line.finalize()
+    }
+}
+
+/// Frames a value, encoded straight into `out` with its delimiter: no buffer beside it. Returns the frame's length;
+/// without room the beginning of `out` holds a part of it.
+///
+/// # Errors
+/// [`NoRoom`] if `out` is too small.
+pub(crate) fn encode_value(value: &impl Serialize, out: &mut [u8]) -> Result<usize, NoRoom> {
+    let room = out.len();
+    let line = Cobs::try_new(Slice::new(out)).map_err(|_| NoRoom { room })?;
+    let frame = postcard::serialize_with_flavor(value, Checked { digest: CRC.digest(), line });
+    frame.map(|frame| frame.len()).map_err(|_| NoRoom { room })
 }
 
 /// Bytes on the line, delimiter included, of a payload of this length: exact up to 249 bytes, at most one too many

@@ -35,12 +35,13 @@ pub enum ToHost {
     Report(Report),
 }
 
-/// Device → host, all but the sample.
+/// Device → host, all but the sample. A device writes a `Report<&Hello>`, so that the handshake, ten times as long as
+/// anything else, is not copied.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
 #[allow(clippy::large_enum_variant, reason = "no allocator to put the large one behind")]
-pub enum Report {
+pub enum Report<H = Hello> {
     /// The answer to a greeting. Tag and first bytes are frozen.
-    Hello(Hello),
+    Hello(H),
     /// The request of this id was carried out.
     Accepted {
         /// Of the request.
@@ -159,7 +160,15 @@ pub fn write_sample(sample: &Sample, layout: &Layout, out: &mut [u8]) -> Result<
 /// # Errors
 /// [`WriteError`] if `out` is too small.
 pub fn write_report(report: &Report, out: &mut [u8]) -> Result<usize, WriteError> {
-    write::<{ MAX_PAYLOAD + CRC_BYTES }, _>(report, out)
+    write(report, out, MAX_TO_HOST_FRAME)
+}
+
+/// Frames a report as a device has it; like [`write_report`].
+///
+/// # Errors
+/// [`WriteError`] if `out` is too small.
+pub fn write_own_report(report: &Report<&Hello>, out: &mut [u8]) -> Result<usize, WriteError> {
+    write(report, out, MAX_TO_HOST_FRAME)
 }
 
 /// Frames a message to the device; returns the length, delimiter included. [`MAX_TO_DEVICE_FRAME`] bytes are always
@@ -168,16 +177,13 @@ pub fn write_report(report: &Report, out: &mut [u8]) -> Result<usize, WriteError
 /// # Errors
 /// [`WriteError`] if `out` is too small.
 pub fn write_to_device(message: &ToDevice, out: &mut [u8]) -> Result<usize, WriteError> {
-    write::<{ MAX_TO_DEVICE_PAYLOAD + CRC_BYTES }, _>(message, out)
+    write(message, out, MAX_TO_DEVICE_FRAME)
 }
 
-fn write<const N: usize, T: Serialize>(message: &T, out: &mut [u8]) -> Result<usize, WriteError> {
-    let mut scratch = [0; N];
-    let room = out.len();
-    let len = postcard::to_slice(message, &mut scratch[..N - CRC_BYTES])
-        .map_err(|_| WriteError { room: N - CRC_BYTES })?
-        .len();
-    frame::encode(&mut scratch, len, out).map_err(|_| WriteError { room })
+/// No frame is longer than `most`, the reader's bound.
+fn write(message: &impl Serialize, out: &mut [u8], most: usize) -> Result<usize, WriteError> {
+    let room = out.len().min(most);
+    frame::encode_value(message, &mut out[..room]).map_err(|_| WriteError { room })
 }
 
 /// Reads a payload from the device; `layout` is that of the handshake, if there was one.
@@ -196,6 +202,7 @@ pub fn read_to_host(payload: &[u8], layout: Option<&Layout>) -> Result<ToHost, R
 ///
 /// # Errors
 /// [`ReadError`]; the payload was not damaged, so sender and reader differ.
+#[inline(never)] // its copies of the message stay on the stack no longer than it runs
 pub fn read_to_device(payload: &[u8]) -> Result<ToDevice, ReadError> {
     read(payload)
 }

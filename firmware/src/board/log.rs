@@ -8,7 +8,7 @@ use core::cell::UnsafeCell;
 use firmware::wiring::log_ring::LogRing;
 
 /// Two dozen frames: what a start says with everything wrong.
-const RING: usize = 512;
+const RING: usize = 256;
 
 struct State {
     ring: LogRing<RING>,

@@ -13,6 +13,7 @@ mod emulated;
 #[cfg(feature = "emulated")]
 pub use emulated::*;
 
+pub mod gyro;
 pub mod log;
 mod panic;
 

@@ -5,26 +5,26 @@ use core::panic::PanicInfo;
 
 use cortex_m::peripheral::SCB;
 use cortex_m_rt::{ExceptionFrame, exception};
-use firmware::wiring::panic_store::{self, WORDS};
+use firmware::wiring::panic_store::{self, BYTES};
 use protocol::hello::PanicPlace;
 
-struct Kept(UnsafeCell<[u32; WORDS]>);
+struct Kept(UnsafeCell<[u8; BYTES]>);
 
 // SAFETY: written with interrupts off by code that never returns, read and erased once before the first interrupt.
 unsafe impl Sync for Kept {}
 
 /// Neither zeroed nor loaded by the start-up code.
 #[unsafe(link_section = ".uninit.panic")]
-static KEPT: Kept = Kept(UnsafeCell::new([0; WORDS]));
+static KEPT: Kept = Kept(UnsafeCell::new([0; BYTES]));
 
 /// The place of the last panic; forgets it. To be called once, before interrupts are on.
 pub fn take() -> Option<PanicPlace> {
     let kept = KEPT.0.get();
-    // SAFETY: see `Kept`; any bits are words. Volatile, because the compiler takes the static for what it was set to.
-    let words = unsafe { kept.read_volatile() };
+    // SAFETY: see `Kept`; any bits are bytes. Volatile, because the compiler takes the static for what it was set to.
+    let record = unsafe { kept.read_volatile() };
     // SAFETY: as above.
-    unsafe { kept.write_volatile([0; WORDS]) };
-    panic_store::decode(&words)
+    unsafe { kept.write_volatile([0; BYTES]) };
+    panic_store::decode(&record)
 }
 
 /// Motors off, keeps the place, resets.

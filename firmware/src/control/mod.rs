@@ -4,7 +4,6 @@ mod request;
 mod sensors;
 mod stream;
 
-use protocol::motion::{Header, Motion};
 use protocol::request::{HEARTBEAT_TIMEOUT_US, Memory, State};
 use protocol::sample::{Flags, NO_PHASE};
 use protocol::{
@@ -64,11 +63,9 @@ pub struct ControlLoop {
     sensors: Sensors,
     deadline: Deadline,
     heartbeat: Heartbeat,
-    seen_seq: u32,
     stream: Stream,
     memory: Memory,
     upload: Upload,
-    motion: Motion,
     motion_id: MotionId,
     activity: Activity,
     fault: Option<Fault>,
@@ -88,17 +85,14 @@ struct Now {
 impl ControlLoop {
     /// Idle, with no motion and no zero positions.
     pub fn new(config: &Config) -> Self {
-        let empty = Header { name: Default::default(), stages: Default::default(), gain: Default::default() };
         ControlLoop {
             joints: config.joints.clone(),
             sensors: Sensors::new(config),
             deadline: Deadline::new(TICK_US),
             heartbeat: Heartbeat::new(HEARTBEAT_TIMEOUT_US),
-            seen_seq: 0,
             stream: Stream::default(),
             memory: Memory::new(),
             upload: Upload::None,
-            motion: Motion::new(empty),
             motion_id: MotionId::NONE,
             activity: Activity::Idle,
             fault: None,
@@ -192,11 +186,6 @@ impl ControlLoop {
         self.seq
     }
 
-    /// The last tick that the host says it has worked off, for a simulation that must not run ahead of it.
-    pub fn seen_seq(&self) -> u32 {
-        self.seen_seq
-    }
-
     /// Whether a motion is being played or its start awaited.
     fn busy(&self) -> bool {
         !matches!(self.activity, Activity::Idle)
@@ -213,11 +202,10 @@ impl ControlLoop {
                 }
                 Some(ToDevice::Heartbeat(heartbeat)) => {
                     self.heartbeat.heard(now.t_us);
-                    self.seen_seq = heartbeat.seen_seq;
                     reply(Reply::HeartbeatSeen { count: heartbeat.count, t_us: now.t_us }, ends);
                 }
                 Some(ToDevice::Request { id, command }) => {
-                    self.answer(now, id, command, inputs, ends);
+                    self.answer(now, id, &command, inputs, ends);
                     break;
                 }
             }
@@ -283,14 +271,14 @@ impl ControlLoop {
             for (scale, joint) in scales.iter_mut().zip(&self.joints) {
                 *scale = joint.counts_per_unit;
             }
-            let player = Player::new(&self.motion, scales, &self.sensors.positions, TICK_US);
+            let player = Player::new(ends.motion, scales, &self.sensors.positions, TICK_US);
             self.activity = Activity::Running(player);
             self.tell(now, EventKind::MotionStarted(self.motion_id), ends);
         }
         let Activity::Running(player) = &mut self.activity else {
             return idle;
         };
-        match player.step(&self.motion, &self.sensors.positions) {
+        match player.step(ends.motion, &self.sensors.positions) {
             Step::Playing { phase, duty, timed_out } => {
                 if timed_out {
                     self.tell(now, EventKind::MoveTimedOut { segment: phase }, ends);

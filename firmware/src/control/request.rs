@@ -7,7 +7,7 @@
 //!     ╰──────────────── ClearFault ─────────────── Fault ◀─────────╯
 //! ```
 
-use protocol::motion::{Header, Limits, Segment};
+use protocol::motion::{Header, Limits, Motion, Segment};
 use protocol::request::{Command, Status};
 use protocol::{EventKind, Fault, MAX_JOINTS, MotionEnd, MotionError, MotionId, Refusal};
 
@@ -28,8 +28,8 @@ pub(super) enum Upload {
 
 impl ControlLoop {
     /// Carries a request out, once per id, and answers it.
-    pub(super) fn answer(&mut self, now: Now, id: u8, command: Command, inputs: &Inputs, ends: &mut TickEnds<'_>) {
-        if command == Command::Status {
+    pub(super) fn answer(&mut self, now: Now, id: u8, command: &Command, inputs: &Inputs, ends: &mut TickEnds<'_>) {
+        if *command == Command::Status {
             reply(Reply::Status(self.status(now)), ends);
         }
         let mut memory = self.memory;
@@ -44,17 +44,19 @@ impl ControlLoop {
         );
     }
 
-    fn act(&mut self, now: Now, command: Command, inputs: &Inputs, ends: &mut TickEnds<'_>) -> Result<(), Refusal> {
-        match command {
+    fn act(&mut self, now: Now, command: &Command, inputs: &Inputs, ends: &mut TickEnds<'_>) -> Result<(), Refusal> {
+        match *command {
             Command::Stream { on } => {
                 self.stream.switch(on, now.seq);
                 Ok(())
             }
             Command::Status => Ok(()),
             Command::SetZero => self.set_zero(now, ends),
-            Command::UploadBegin { motion, header, segments } => self.begin_upload(motion, header, segments),
-            Command::UploadSegment { index, segment } => self.take_segment(index, segment),
-            Command::UploadEnd { checksum } => self.end_upload(checksum),
+            Command::UploadBegin { motion, ref header, segments } => {
+                self.begin_upload(motion, header, segments, ends.motion)
+            }
+            Command::UploadSegment { index, ref segment } => self.take_segment(index, segment, ends.motion),
+            Command::UploadEnd { checksum } => self.end_upload(checksum, ends.motion),
             Command::Start { motion, at_seq } => self.start(now, motion, at_seq, inputs),
             Command::Stop => {
                 self.end_motion(now, MotionEnd::Stopped, ends);
@@ -87,29 +89,36 @@ impl ControlLoop {
         Ok(())
     }
 
-    fn begin_upload(&mut self, id: MotionId, header: Header, segments: u8) -> Result<(), Refusal> {
+    fn begin_upload(&mut self, id: MotionId, header: &Header, segments: u8, there: &mut Motion) -> Result<(), Refusal> {
         self.not_busy()?;
         self.motion_id = MotionId::NONE;
         self.upload = Upload::None;
-        // In place: a motion is too large to pass over the stack.
-        self.motion.segments.clear();
-        (self.motion.name, self.motion.stages, self.motion.gain) = (header.name, header.stages, header.gain);
+        // In place, here and on the way here: neither motion nor header is passed over the stack.
+        there.segments.clear();
+        let checksum = header.checksum();
+        there.name.clear();
+        there.stages.clear();
+        there.gain.clear();
+        // The same capacities on both sides: everything fits.
+        let _ = there.name.push_str(&header.name);
+        let _ = there.stages.extend_from_slice(&header.stages);
+        let _ = there.gain.extend_from_slice(&header.gain);
         let (limits, joints) = self.limits();
         // Without segments everything else must be right.
-        match self.motion.validate(&limits[..joints]) {
+        match there.validate(&limits[..joints]) {
             Ok(()) | Err(MotionError::Empty) => {}
             Err(error) => return Err(Refusal::Motion(error)),
         }
-        self.upload = Upload::Under { motion: id, segments, checksum: self.motion.checksum() };
+        self.upload = Upload::Under { motion: id, segments, checksum };
         Ok(())
     }
 
-    fn take_segment(&mut self, index: u8, segment: Segment) -> Result<(), Refusal> {
+    fn take_segment(&mut self, index: u8, segment: &Segment, there: &mut Motion) -> Result<(), Refusal> {
         let Upload::Under { checksum, .. } = &mut self.upload else {
             return Err(Refusal::NoUpload);
         };
-        let due = self.motion.segments.len();
-        let repeated = usize::from(index) + 1 == due && self.motion.segments.last() == Some(&segment);
+        let due = there.segments.len();
+        let repeated = usize::from(index) + 1 == due && there.segments.last() == Some(segment);
         if repeated {
             return Ok(());
         }
@@ -119,22 +128,22 @@ impl ControlLoop {
         }
         *checksum = segment.checksum(*checksum);
         let (limits, joints) = self.limits();
-        segment.validate(index, self.motion.stages.len(), &limits[..joints]).map_err(Refusal::Motion)?;
-        self.motion.segments.push(segment).map_err(|_| out_of_order)
+        segment.validate(index, there.stages.len(), &limits[..joints]).map_err(Refusal::Motion)?;
+        there.segments.push(segment.clone()).map_err(|_| out_of_order)
     }
 
-    fn end_upload(&mut self, checksum: u32) -> Result<(), Refusal> {
+    fn end_upload(&mut self, checksum: u32, there: &Motion) -> Result<(), Refusal> {
         let Upload::Under { motion, segments, checksum: got } = self.upload else {
             return Err(Refusal::NoUpload);
         };
-        let expected = self.motion.segments.len() as u8;
+        let expected = there.segments.len() as u8;
         if segments != expected {
             return Err(Refusal::UploadOrder { expected, got: segments });
         }
         if got != checksum {
             return Err(Refusal::Checksum { expected: checksum, got });
         }
-        self.motion.validate_length().map_err(Refusal::Motion)?;
+        there.validate_length().map_err(Refusal::Motion)?;
         self.motion_id = motion;
         self.upload = Upload::None;
         Ok(())

@@ -49,6 +49,8 @@ const BANDWIDTH_ODR_BY_4: u16 = 1 << 7;
 /// GYR_CONF bits 3:0: 1.6 kHz.
 const ODR_1_6_KHZ: u16 = 0xC;
 
+/// Bytes of a burst: the dummies, and status, accelerometer and gyroscope.
+pub const BURST: usize = DUMMY + 14;
 /// Bytes that every I²C read begins with and that mean nothing.
 const DUMMY: usize = 2;
 /// Reset time, data sheet: 1.5 ms.
@@ -69,7 +71,7 @@ impl<I2C: I2c> Bmi323<I2C> {
     pub const ADDRESS_SDO_LOW: SevenBitAddress = 0x68;
     /// Address with pin SDO high.
     pub const ADDRESS_SDO_HIGH: SevenBitAddress = 0x69;
-    /// Byte to write for the burst of a tick; 16 bytes are then read.
+    /// Byte to write for the burst of a tick; [`BURST`] bytes are then read.
     pub const READ_REQUEST: [u8; 1] = [Register::Status as u8];
     /// Output data rate, Hz.
     pub const OUTPUT_RATE_HZ: u32 = 1600;
@@ -101,7 +103,7 @@ impl<I2C: I2c> Bmi323<I2C> {
     }
 
     /// Decodes the answer to [`Self::READ_REQUEST`]. Pure.
-    pub fn decode(answer: &[u8; 16]) -> GyroReading {
+    pub fn decode(answer: &[u8; BURST]) -> GyroReading {
         let [_, _, status0, status1, _, _, _, _, _, _, x0, x1, y0, y1, z0, z1] = *answer;
         let raw = [i16::from_le_bytes([x0, x1]), i16::from_le_bytes([y0, y1]), i16::from_le_bytes([z0, z1])];
         let ready = u16::from_le_bytes([status0, status1]) & GYRO_READY != 0;
@@ -145,7 +147,7 @@ impl<I2C: I2c> Gyro for Bmi323<I2C> {
     type Error = GyroError<Register, I2C::Error>;
 
     fn read(&mut self) -> Result<GyroReading, Self::Error> {
-        let mut answer = [0; 16];
+        let mut answer = [0; BURST];
         self.bus
             .write_read(self.address, &Self::READ_REQUEST, &mut answer)
             .map_err(|error| GyroError::Bus { register: Register::Status, error })?;

@@ -46,6 +46,8 @@ pub enum Register {
     BankSel = 0x76,
 }
 
+/// Bytes of a burst.
+pub const BURST: usize = 10;
 /// Set in the address byte of a read.
 const READ: u8 = 0x80;
 /// Contents of WHO_AM_I.
@@ -87,7 +89,7 @@ pub struct Icm42688p<SPI> {
 
 impl<SPI: SpiDevice> Icm42688p<SPI> {
     /// Bytes to send for the burst of a tick; the answer has the same length.
-    pub const READ_REQUEST: [u8; 10] = [Register::GyroDataX1 as u8 | READ, 0, 0, 0, 0, 0, 0, 0, 0, 0];
+    pub const READ_REQUEST: [u8; BURST] = [Register::GyroDataX1 as u8 | READ, 0, 0, 0, 0, 0, 0, 0, 0, 0];
     /// Output data rate, Hz.
     pub const OUTPUT_RATE_HZ: u32 = 2000;
 
@@ -125,7 +127,7 @@ impl<SPI: SpiDevice> Icm42688p<SPI> {
     }
 
     /// Decodes the answer to [`Self::READ_REQUEST`]. Pure.
-    pub fn decode(answer: &[u8; 10]) -> GyroReading {
+    pub fn decode(answer: &[u8; BURST]) -> GyroReading {
         let [_, x1, x0, y1, y0, z1, z0, _, _, status] = *answer;
         let raw = [i16::from_be_bytes([x1, x0]), i16::from_be_bytes([y1, y0]), i16::from_be_bytes([z1, z0])];
         GyroReading { raw, fresh: status & DATA_READY != 0 && !raw.contains(&INVALID_WORD) }
@@ -161,7 +163,7 @@ impl<SPI: SpiDevice> Gyro for Icm42688p<SPI> {
     type Error = GyroError<Register, SPI::Error>;
 
     fn read(&mut self) -> Result<GyroReading, Self::Error> {
-        let mut answer = [0; 10];
+        let mut answer = [0; BURST];
         self.spi
             .transfer(&mut answer, &Self::READ_REQUEST)
             .map_err(|error| GyroError::Bus { register: Register::GyroDataX1, error })?;

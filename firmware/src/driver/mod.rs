@@ -19,8 +19,8 @@ mod fake;
 mod icm42688p;
 mod quadrature;
 
-pub use bmi323::Bmi323;
-pub use icm42688p::Icm42688p;
+pub use bmi323::{BURST as BMI323_BURST, Bmi323};
+pub use icm42688p::{BURST as ICM42688P_BURST, Icm42688p};
 pub use quadrature::QuadratureCounter;
 
 /// Register enumerations, named in the drivers' errors.

@@ -11,8 +11,13 @@
 //! A board has one folder under `src/board/` with `start` and `motors_off` beside these traits; see
 //! `firmware/PORTING.md`.
 
+pub mod budget;
+pub mod check_in;
+pub mod i2c;
 pub mod log_ring;
 pub mod panic_store;
+pub mod pwm;
+pub mod reset;
 
 use crate::{Inputs, Outputs};
 

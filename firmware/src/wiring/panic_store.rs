@@ -1,63 +1,54 @@
 //! The place of a panic, kept in RAM that a reset leaves alone.
 //!
 //! ```text
-//!   word 0  1     2        3 … 12                     13
-//!   magic   line  length   end of the file's path     CRC-32 of the words before
+//!   0       4      8        12                        52
+//!   magic │ line │ length │ end of the file's path  │ CRC-32 of the bytes before      all little endian
 //! ```
 //!
-//! After power-on the words are whatever they are; magic, CRC and a path of UTF-8 must fit before they are believed.
+//! After power-on the bytes are whatever they are; magic, CRC and a path of UTF-8 must fit before they are believed.
 
 use protocol::Text;
 use protocol::frame::crc32;
 use protocol::hello::PanicPlace;
 
-/// Words of the record.
-pub const WORDS: usize = 14;
 /// Bytes of a path that are kept.
 const PATH: usize = 40;
-const MAGIC: u32 = 0x7061_6e63;
+/// Where the path and the checksum begin.
+const PATH_AT: usize = 12;
+const CRC_AT: usize = PATH_AT + PATH;
+/// Bytes of the record.
+pub const BYTES: usize = CRC_AT + 4;
+const MAGIC: [u8; 4] = *b"panc";
 
 /// The record of a panic at `line` of `file`; of a long path the end is kept.
-pub fn encode(file: &str, line: u32) -> [u32; WORDS] {
+pub fn encode(file: &str, line: u32) -> [u8; BYTES] {
     let mut start = file.len().saturating_sub(PATH);
     while !file.is_char_boundary(start) {
         start += 1;
     }
-    let kept = &file.as_bytes()[start..];
-    let mut words = [0; WORDS];
-    (words[0], words[1], words[2]) = (MAGIC, line, kept.len() as u32);
-    for (word, bytes) in words[3..].iter_mut().zip(kept.chunks(4)) {
-        let mut four = [0; 4];
-        four[..bytes.len()].copy_from_slice(bytes);
-        *word = u32::from_le_bytes(four);
-    }
-    words[WORDS - 1] = check(&words);
-    words
+    let path = &file.as_bytes()[start..];
+    let mut record = [0; BYTES];
+    record[..4].copy_from_slice(&MAGIC);
+    record[4..8].copy_from_slice(&line.to_le_bytes());
+    record[8..PATH_AT].copy_from_slice(&(path.len() as u32).to_le_bytes());
+    // At most PATH bytes were kept.
+    record[PATH_AT..PATH_AT + path.len()].copy_from_slice(path);
+    let check = crc32(&record[..CRC_AT]);
+    record[CRC_AT..].copy_from_slice(&check.to_le_bytes());
+    record
 }
 
-/// The place, if the words are a record.
-pub fn decode(words: &[u32; WORDS]) -> Option<PanicPlace> {
-    if words[0] != MAGIC || words[WORDS - 1] != check(words) {
+/// The place, if the bytes are a record.
+pub fn decode(record: &[u8; BYTES]) -> Option<PanicPlace> {
+    let (body, check) = record.split_last_chunk::<4>()?;
+    if body[..4] != MAGIC || u32::from_le_bytes(*check) != crc32(body) {
         return None;
     }
-    let bytes = bytes_of(words);
-    let len = usize::try_from(words[2]).ok()?;
-    let path = bytes[12..12 + PATH].get(..len)?;
+    let [_, _, _, _, l0, l1, l2, l3, n0, n1, n2, n3, path @ ..] = body else { return None };
+    let len = usize::try_from(u32::from_le_bytes([*n0, *n1, *n2, *n3])).ok()?;
     let mut file = Text::new();
-    file.push_str(core::str::from_utf8(path).ok()?).ok()?;
-    Some(PanicPlace { file, line: words[1] })
-}
-
-fn check(words: &[u32; WORDS]) -> u32 {
-    crc32(&bytes_of(words)[..4 * (WORDS - 1)])
-}
-
-fn bytes_of(words: &[u32; WORDS]) -> [u8; 4 * WORDS] {
-    let mut bytes = [0; 4 * WORDS];
-    for (four, word) in bytes.chunks_exact_mut(4).zip(words) {
-        four.copy_from_slice(&word.to_le_bytes());
-    }
-    bytes
+    file.push_str(core::str::from_utf8(path.get(..len)?).ok()?).ok()?;
+    Some(PanicPlace { file, line: u32::from_le_bytes([*l0, *l1, *l2, *l3]) })
 }
 
 #[cfg(test)]
@@ -75,18 +66,18 @@ mod tests {
         }
 
         #[test]
-        fn any_words_are_survived(words: [u32; WORDS], bit in 0usize..32 * WORDS) {
-            prop_assert_eq!(decode(&words), None);
+        fn any_bytes_are_survived(bytes in prop::collection::vec(any::<u8>(), BYTES), bit in 0usize..8 * BYTES) {
+            prop_assert_eq!(decode(&bytes.try_into().unwrap()), None);
             let mut damaged = encode("firmware/src/main.rs", 120);
-            damaged[bit / 32] ^= 1 << (bit % 32);
+            damaged[bit / 8] ^= 1 << (bit % 8);
             prop_assert_eq!(decode(&damaged), None, "bit {}", bit);
         }
     }
 
     #[test]
     fn erased_memory_is_no_place() {
-        for word in [0, u32::MAX] {
-            assert_eq!(decode(&[word; WORDS]), None);
+        for byte in [0, u8::MAX] {
+            assert_eq!(decode(&[byte; BYTES]), None);
         }
     }
 }

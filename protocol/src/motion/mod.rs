@@ -38,7 +38,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     MAX_JOINTS,
-    frame::crc32,
+    frame::crc32_of,
     units::{Duty, JointSet, Text},
 };
 
@@ -178,6 +178,9 @@ impl Action {
 }
 
 impl Motion {
+    /// No name, no segments.
+    pub const EMPTY: Self = Self { name: Text::new(), stages: Vec::new(), gain: Vec::new(), segments: Vec::new() };
+
     /// A motion without segments yet.
     pub fn new(header: Header) -> Self {
         let Header { name, stages, gain } = header;
@@ -196,11 +199,18 @@ impl Motion {
 
     /// The checksum of an upload: over the checksums of the header and of each segment as they are encoded.
     pub fn checksum(&self) -> u32 {
-        let mut sum = checksum_of(&self.header(), 0);
+        let mut sum = self.header().checksum();
         for segment in &self.segments {
             sum = segment.checksum(sum);
         }
         sum
+    }
+}
+
+impl Header {
+    /// The checksum of a motion that has no segments yet.
+    pub fn checksum(&self) -> u32 {
+        checksum_of(self, 0)
     }
 }
 
@@ -213,12 +223,7 @@ impl Segment {
 
 /// CRC-32 over the sum so far and the encoding of one part.
 fn checksum_of<T: Serialize>(part: &T, so_far: u32) -> u32 {
-    // A header takes at most 191 bytes, a segment 44; a test of the wire holds both.
-    let mut bytes = [0; 4 + 256];
-    let (head, rest) = bytes.split_at_mut(4);
-    head.copy_from_slice(&so_far.to_le_bytes());
-    let used = postcard::to_slice(part, rest).map_or(0, |part| part.len());
-    crc32(&bytes[..4 + used])
+    crc32_of(&so_far.to_le_bytes(), part)
 }
 
 #[cfg(test)]

@@ -1,0 +1,55 @@
+//! The independent watchdog, on its own oscillator of 32 kHz (17 to 47 kHz by the data sheet).
+//!
+//! | | prescaler | reload | nominal | bounds |
+//! |---|---|---|---|---|
+//! | during the start | 64 | 1000 | 2.0 s | 1.4 to 3.8 s |
+//! | from the first tick on | 4 | 127 | 16 ms | 11 to 30 ms |
+
+use firmware::wiring;
+use stm32f4xx_hal::pac::{DBGMCU, IWDG};
+
+/// Never to be stopped once it runs.
+pub struct Watchdog {
+    registers: IWDG,
+}
+
+impl Watchdog {
+    /// Starts it with the time that a start may take. It stands still while a debugger halts the core.
+    pub fn start(registers: IWDG, debug: &DBGMCU) -> Self {
+        debug.apb1_fz().modify(|_, w| w.dbg_iwdg_stop().set_bit());
+        registers.kr().write(|w| w.key().start());
+        let watchdog = Watchdog { registers };
+        watchdog.registers.kr().write(|w| w.key().unlock());
+        watchdog.registers.pr().write(|w| w.pr().divide_by64());
+        watchdog.registers.rlr().write(|w| w.rl().set(1000));
+        watchdog.settle();
+        watchdog
+    }
+
+    /// The time of a tick, from here on.
+    pub fn shorten(self) -> Self {
+        self.registers.kr().write(|w| w.key().unlock());
+        self.registers.pr().write(|w| w.pr().divide_by4());
+        self.registers.rlr().write(|w| w.rl().set(127));
+        self.settle();
+        self
+    }
+
+    /// Waits until the new settings count, five cycles of the slow oscillator, then starts the time anew. The bound, a
+    /// few milliseconds at 168 MHz, is for an oscillator that does not run.
+    fn settle(&self) {
+        for _ in 0..100_000 {
+            let status = self.registers.sr().read();
+            if status.pvu().bit_is_clear() && status.rvu().bit_is_clear() {
+                break;
+            }
+        }
+        self.registers.kr().write(|w| w.key().feed());
+    }
+}
+
+impl wiring::Watchdog for Watchdog {
+    fn feed(&mut self) {
+        self.registers.kr().write(|w| w.key().feed());
+    }
+}
