@@ -80,6 +80,7 @@ pub enum MotionEnd {
 
 /// What stops every motion and stays until cleared. Indices are from 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema, thiserror::Error)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Fault {
     /// No heartbeat for 100 ms of device time.
     #[error("the host's heartbeats stayed away")]

@@ -123,6 +123,7 @@ pub struct GyroInfo {
 
 /// Why the device started last.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum ResetReason {
     /// Power came on.
     PowerOn,

@@ -5,13 +5,17 @@ use firmware::driver::GyroError;
 /// Attempts before a gyro is left alone. The loop then runs without it, and refuses to move.
 const ATTEMPTS: u8 = 3;
 
-/// Tries to set gyro `number` (from 1) up; `address` gives a register's.
-pub fn set_up<R, E>(number: u8, mut attempt: impl FnMut() -> Result<(), GyroError<R, E>>, address: impl Fn(R) -> u8) {
+/// Tries to set gyro `number` (from 1) up; `address` gives a register's. Whether it is there.
+pub fn set_up<R, E, T>(
+    number: u8,
+    mut attempt: impl FnMut() -> Result<T, GyroError<R, E>>,
+    address: impl Fn(R) -> u8,
+) -> bool {
     for _ in 0..ATTEMPTS {
         match attempt() {
-            Ok(()) => {
+            Ok(_) => {
                 defmt::info!("gyro {=u8}: set up", number);
-                return;
+                return true;
             }
             Err(GyroError::Bus { register, .. }) => {
                 defmt::error!("gyro {=u8}: no answer at register {=u8:#04x}", number, address(register));
@@ -34,4 +38,5 @@ pub fn set_up<R, E>(number: u8, mut attempt: impl FnMut() -> Result<(), GyroErro
         }
     }
     defmt::error!("gyro {=u8}: left alone; nothing will move", number);
+    false
 }

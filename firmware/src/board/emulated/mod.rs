@@ -36,13 +36,10 @@ use firmware::wiring;
 use protocol::ResetReason;
 use stm32f4xx_hal::pac::Peripherals as Device;
 
-use super::Board;
+use super::{Board, gyro};
 use buses::{I2cBus, SpiBus, Wait};
 pub use line::{LineIn, LineOut};
 pub use pins::Pins;
-
-/// How often a part is tried before the board starts without it.
-const TRIES: u32 = 3;
 
 /// The watchdog.
 pub struct Watchdog;
@@ -54,11 +51,9 @@ pub fn start(mut core: Core, device: Device) -> Board {
     let place = super::panic::take();
     let reason = if place.is_some() { ResetReason::Panic } else { reason };
 
-    let on_spi = tried(|| Icm42688p::new(SpiBus, GYRO_RANGE, &mut Wait).is_ok());
-    let on_i2c = tried(|| Bmi323::new(I2cBus, buses::BMI323_ADDRESS, GYRO_RANGE, &mut Wait).is_ok());
-    if !(on_spi && on_i2c) {
-        defmt::error!("gyro 1 there: {}, gyro 2 there: {}", on_spi, on_i2c);
-    }
+    let on_spi = gyro::set_up(1, || Icm42688p::new(SpiBus, GYRO_RANGE, &mut Wait), |register| register as u8);
+    let bmi323 = || Bmi323::new(I2cBus, buses::BMI323_ADDRESS, GYRO_RANGE, &mut Wait);
+    let on_i2c = gyro::set_up(2, bmi323, |register| register as u8);
     let (arrived, line_in) = line::received();
     let line_out = LineOut::new(device.USART1);
     clock::start(&mut core.SYST);
@@ -74,10 +69,6 @@ impl wiring::Watchdog for Watchdog {
     fn feed(&mut self) {
         pins::feed();
     }
-}
-
-fn tried(mut part_is_there: impl FnMut() -> bool) -> bool {
-    (0..TRIES).any(|_| part_is_there())
 }
 
 /// Nothing more happens until the machine is reset.
