@@ -57,7 +57,7 @@ impl JointSetup {
 }
 
 /// A joint in the loop's raw codes.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Joint {
     /// Range, rad or m.
     pub limits: Limits,
@@ -74,7 +74,7 @@ pub struct Joint {
 }
 
 /// A robot as the core runs it.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Config {
     pub(crate) hello: Hello,
     pub(crate) joints: Vec<Joint, MAX_JOINTS>,

@@ -8,10 +8,8 @@ use crate::{hello::ResetReason, units::MotionId};
 /// Why the device dropped samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub enum LossCause {
-    /// The telemetry queue was full: the line or its driver was too slow.
+    /// The telemetry queue was full: the line was too slow, or the transmitter took no more.
     QueueFull,
-    /// The transmitter failed.
-    Transmitter,
 }
 
 /// Samples that the device dropped, reported when there is room again.

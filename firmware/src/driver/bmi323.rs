@@ -135,11 +135,7 @@ impl<I2C: I2c> Bmi323<I2C> {
         mask: u16,
         expected: u16,
     ) -> Result<(), GyroError<Register, I2C::Error>> {
-        let got = self.read_register(register)?;
-        if got & mask == expected & mask {
-            return Ok(());
-        }
-        Err(GyroError::Unexpected { register, mask, expected, got })
+        GyroError::verify(register, mask, expected, self.read_register(register)?)
     }
 }
 

@@ -152,10 +152,7 @@ impl<SPI: SpiDevice> Icm42688p<SPI> {
 
     fn must_hold(&mut self, register: Register, mask: u8, expected: u8) -> Result<(), GyroError<Register, SPI::Error>> {
         let got = self.read_register(register)?;
-        if got & mask == expected & mask {
-            return Ok(());
-        }
-        Err(GyroError::Unexpected { register, mask: mask.into(), expected: expected.into(), got: got.into() })
+        GyroError::verify(register, mask.into(), expected.into(), got.into())
     }
 }
 

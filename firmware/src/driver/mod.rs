@@ -118,6 +118,16 @@ pub enum GyroError<R, E> {
     },
 }
 
+impl<R, E> GyroError<R, E> {
+    /// Whether a register that was read back holds `expected` under the mask.
+    fn verify(register: R, mask: u16, expected: u16, got: u16) -> Result<(), Self> {
+        if got & mask == expected & mask {
+            return Ok(());
+        }
+        Err(GyroError::Unexpected { register, mask, expected, got })
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

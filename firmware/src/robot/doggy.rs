@@ -15,7 +15,8 @@ pub const GYRO_RANGE: GyroRange = GyroRange::Dps1000;
 #[inline(never)]
 pub fn doggy() -> Config {
     let joint = |max: f32, coast_s: f32| JointSetup { coast_s, ..JointSetup::new(Limits { min: -max, max }) };
-    let joints = [joint(1.0, 0.1), joint(0.6, 0.1), joint(0.6, 0.1)];
+    // (b + inertia of the links in the zero position) / k_mi, with b = 2.428 kg m² and k_mi = 31.328 N m s/rad.
+    let joints = [joint(1.0, 0.093_661_83), joint(0.6, 0.094_860_73), joint(0.6, 0.093_916_79)];
     let encoders = [0, 1, 2].map(|joint| EncoderInfo {
         joint,
         side: Side::Motor,
@@ -33,5 +34,15 @@ pub fn doggy() -> Config {
         Ok(config) => config,
         // Nothing here depends on an input: the test below builds it.
         Err(_) => unreachable!(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use protocol::Layout;
+
+    #[test]
+    fn doggy_can_be_built() {
+        assert_eq!(super::doggy().layout(), Layout::DOGGY);
     }
 }

@@ -37,7 +37,6 @@ pub(super) fn event(kind: &EventKind) -> (Severity, String) {
 pub(super) fn loss(loss: &Loss) -> (Severity, String) {
     let cause = match loss.cause {
         LossCause::QueueFull => "its telemetry queue was full",
-        LossCause::Transmitter => "its transmitter failed",
     };
     (Severity::Warning, format!("device dropped {} samples from tick {}: {cause}", loss.count, loss.first_seq))
 }

@@ -60,6 +60,11 @@ impl Board {
         Ok(board)
     }
 
+    /// What its firmware was built with.
+    pub fn config(&self) -> &Config {
+        &self.config
+    }
+
     /// What the firmware does before its first tick: sets the gyros up, starts its clock.
     fn set_up(&mut self) -> Result<(), SimulateError> {
         let (range, clock) = (self.world.range(), self.world.clock());

@@ -73,7 +73,9 @@ impl wiring::LineOut for LineOut {
     }
 
     fn send(&mut self, len: usize) {
-        while HANG.load(Relaxed) {}
+        while HANG.load(Relaxed) {
+            core::hint::spin_loop();
+        }
         for byte in &self.buffer[..len] {
             self.usart.dr().write(|w| w.dr().set(u16::from(*byte)));
         }
