@@ -36,6 +36,9 @@ const _: () = {
 const PATIENCE: u32 = 20_000;
 /// Between two edges of a recovery in the set-up, µs.
 const EDGE_US: u32 = 5;
+/// From one transfer of the set-up to the next, µs: until the stop condition is made, the control register must not be
+/// written.
+const PAUSE_US: u32 = 20;
 
 /// The peripheral and its two pins.
 pub struct Bus {
@@ -213,6 +216,7 @@ impl Blocking {
     }
 
     fn run(&mut self, address: u8, out: &[u8], answer: &mut [u8]) -> Result<(), Failure> {
+        self.delay.delay_us(PAUSE_US);
         let mut transfer = Transfer::default();
         transfer.begin(&mut self.bus, address, out, answer.len());
         for _ in 0..PATIENCE {
@@ -225,8 +229,6 @@ impl Blocking {
                 State::Done => {
                     // The lengths agree: `begin` was given that of `answer`.
                     answer.copy_from_slice(transfer.answer().unwrap_or_default());
-                    // The stop condition takes some microseconds; a start ordered before it would not be one.
-                    self.delay.delay_us(EDGE_US);
                     return Ok(());
                 }
             }
@@ -254,19 +256,23 @@ impl I2c for Blocking {
 /// The burst of a tick.
 pub struct Burst {
     bus: Bus,
+    there: bool,
     transfer: Transfer,
     recovery: Option<Recovery>,
     failed: bool,
 }
 
 impl Burst {
-    /// Nothing under way.
-    pub fn new(bus: Bus) -> Self {
-        Burst { bus, transfer: Transfer::default(), recovery: None, failed: false }
+    /// Nothing under way; `there` is whether the part could be set up.
+    pub fn new(bus: Bus, there: bool) -> Self {
+        Burst { bus, there, transfer: Transfer::default(), recovery: None, failed: false }
     }
 
     /// Starts it, or goes on with the recovery.
     pub fn begin(&mut self) {
+        if !self.there {
+            return;
+        }
         if self.recovery.is_some() {
             return self.recover();
         }
@@ -280,6 +286,9 @@ impl Burst {
 
     /// Ends it: the reading, or a bus error.
     pub fn collect(&mut self) -> GyroInput {
+        if !self.there {
+            return GyroInput::BusError;
+        }
         if self.recovery.is_some() {
             self.recover();
             return GyroInput::BusError;

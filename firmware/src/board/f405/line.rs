@@ -56,9 +56,10 @@ pub fn start(usart: USART1, tx: PA9, rx: PA10, rcc: &mut Rcc) -> (LineOut, LineI
         stream.m0ar().write(|w| w.bits(IN_MEMORY.address()));
     }
     stream.ndtr().write(|w| w.ndt().set(IN as u16));
-    stream.cr().write(|w| {
-        w.chsel().set(4).dir().peripheral_to_memory().minc().incremented().circ().enabled().pl().medium().en().enabled()
-    });
+    stream
+        .cr()
+        .write(|w| w.chsel().set(4).dir().peripheral_to_memory().minc().incremented().circ().enabled().pl().medium());
+    stream.cr().modify(|_, w| w.en().enabled());
     let stream = dma::stream(dma::LINE_OUT);
     // SAFETY: as above; the memory is written by `room`'s caller while the stream stands.
     unsafe {

@@ -74,9 +74,13 @@ pub fn start(core: Core, device: Device) -> Board {
 
     dma::enable(&device.DMA2, &mut rcc);
     let mut spi = spi::Spi::new(device.SPI1, (port_a.pa4, port_a.pa5, port_a.pa6, port_a.pa7), &mut rcc);
-    gyro::set_up(1, || Icm42688p::new(&mut spi, robot::GYRO_RANGE, &mut delay).map(drop), |register| register as u8);
+    let imu1 = gyro::set_up(
+        1,
+        || Icm42688p::new(&mut spi, robot::GYRO_RANGE, &mut delay).map(drop),
+        |register| register as u8,
+    );
     let mut i2c = i2c::Blocking::new(i2c::Bus::new(device.I2C1, port_b.pb8, port_b.pb9, &mut rcc), delay);
-    gyro::set_up(
+    let imu2 = gyro::set_up(
         2,
         || Bmi323::new(&mut i2c, Imu2::ADDRESS_SDO_LOW, robot::GYRO_RANGE, &mut delay).map(drop),
         |register| register as u8,
@@ -88,8 +92,8 @@ pub fn start(core: Core, device: Device) -> Board {
         clock,
         motors,
         encoders,
-        spi: spi::Burst::new(spi),
-        i2c: i2c::Burst::new(i2c.release()),
+        spi: spi::Burst::new(spi, imu1),
+        i2c: i2c::Burst::new(i2c.release(), imu2),
         supply,
         preloaded: None,
         stopwatch: Stopwatch::default(),

@@ -109,46 +109,50 @@ impl SpiDevice for Spi {
 /// The burst of a tick.
 pub struct Burst {
     spi: Spi,
+    there: bool,
     failed: bool,
 }
 
 impl Burst {
-    /// Hands the bus to the streams.
-    pub fn new(spi: Spi) -> Self {
+    /// Hands the bus to the streams; `there` is whether the part could be set up.
+    pub fn new(spi: Spi, there: bool) -> Self {
         // SAFETY: the stream does not run yet.
         *unsafe { OUT_MEMORY.bytes() } = Imu1::READ_REQUEST;
         let data = spi.registers.dr().as_ptr() as u32;
-        for (n, memory) in [(dma::SPI_IN, &IN_MEMORY), (dma::SPI_OUT, &OUT_MEMORY)] {
-            let stream = dma::stream(n);
+        let (input, output) = (dma::stream(dma::SPI_IN), dma::stream(dma::SPI_OUT));
+        for (stream, memory) in [(input, &IN_MEMORY), (output, &OUT_MEMORY)] {
             // SAFETY: the data register, and memory that only this file touches; as long as the program runs.
             unsafe {
                 stream.par().write(|w| w.bits(data));
                 stream.m0ar().write(|w| w.bits(memory.address()));
             }
         }
+        input.cr().write(|w| w.chsel().set(3).dir().peripheral_to_memory().minc().incremented().pl().very_high());
+        output.cr().write(|w| w.chsel().set(3).dir().memory_to_peripheral().minc().incremented().pl().high());
         spi.registers.cr2().write(|w| w.rxdmaen().enabled().txdmaen().enabled());
-        Burst { spi, failed: false }
+        Burst { spi, there, failed: false }
     }
 
     /// Starts it.
     pub fn begin(&mut self) {
+        if !self.there {
+            return;
+        }
         self.spi.select.set_low();
-        let (input, output) = (dma::stream(dma::SPI_IN), dma::stream(dma::SPI_OUT));
-        dma::clear(dma::SPI_IN);
-        dma::clear(dma::SPI_OUT);
-        input.ndtr().write(|w| w.ndt().set(ICM42688P_BURST as u16));
-        output.ndtr().write(|w| w.ndt().set(ICM42688P_BURST as u16));
         // The receiving stream first and with the higher priority, so that no byte finds the register full.
-        input.cr().write(|w| {
-            w.chsel().set(3).dir().peripheral_to_memory().minc().incremented().pl().very_high().en().enabled()
-        });
-        output
-            .cr()
-            .write(|w| w.chsel().set(3).dir().memory_to_peripheral().minc().incremented().pl().high().en().enabled());
+        for n in [dma::SPI_IN, dma::SPI_OUT] {
+            dma::clear(n);
+            let stream = dma::stream(n);
+            stream.ndtr().write(|w| w.ndt().set(ICM42688P_BURST as u16));
+            stream.cr().modify(|_, w| w.en().enabled());
+        }
     }
 
     /// Ends it: the reading, or a bus error if it is not over.
     pub fn collect(&mut self) -> GyroInput {
+        if !self.there {
+            return GyroInput::BusError;
+        }
         let flags = dma::flags(dma::SPI_IN);
         let whole = flags.complete && !flags.error && dma::stream(dma::SPI_IN).ndtr().read().ndt().bits() == 0;
         if !whole {
