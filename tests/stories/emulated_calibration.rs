@@ -1,6 +1,5 @@
 //! The firmware's machine code plays the calibration motion in an emulator; `host` records and calibrates it.
 
-use std::path::Path;
 use std::time::Instant;
 
 use host::recording::{self, Recording};
@@ -8,8 +7,8 @@ use protocol::message::read_to_host;
 use protocol::sample::{Layout, NO_PHASE};
 use protocol::{Report, ToHost};
 use tests::machine::replay::{Replay, Said};
-use tests::machine::{Emulated, Log, Options};
-use tests::{calibrate_run, estimate, run_host};
+use tests::machine::{Emulated, Log, Options, Recorded};
+use tests::{calibrate_run, estimate};
 
 /// The tick in which the motion starts: the host needs some 250 ticks of the device to get ready.
 const START_TICK: u32 = 1000;
@@ -36,28 +35,14 @@ struct Run {
 
 fn run(seed: u64, calibrate: bool) -> Run {
     let machine = Emulated::start(&Options { seed, start_tick: Some(START_TICK), ..Options::default() });
-    let scratch = tempfile::tempdir().unwrap();
-    let file = scratch.path().join("run.mcap");
-    let (port, start) = (machine.port(), START_TICK.to_string());
-    let arguments: [&Path; 8] = [
-        "record".as_ref(),
-        "--set-zero".as_ref(),
-        "--port".as_ref(),
-        &port,
-        "--start-tick".as_ref(),
-        start.as_ref(),
-        "-o".as_ref(),
-        &file,
-    ];
     let began = Instant::now();
-    let output = run_host(arguments);
+    let Recorded { code, said, ref file, .. } = machine.record(&["--start-tick", &START_TICK.to_string()]);
     let wall_s = began.elapsed().as_secs_f64();
-    let said = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert_eq!(output.status.code(), Some(0), "{said}");
+    assert_eq!(code, Some(0), "{said}");
     let truth = machine.truth().to_vec();
     let (log, _) = machine.finish();
-    let recording = recording::read(&file).unwrap();
-    let calibration = if calibrate { calibrate_run(&file, "default") } else { serde_json::Value::Null };
+    let recording = recording::read(file).unwrap();
+    let calibration = if calibrate { calibrate_run(file, "default") } else { serde_json::Value::Null };
     let speed = log.periods.len() as f64 * 1e-3 / wall_s;
     Run { log, recording, calibration, truth, speed }
 }

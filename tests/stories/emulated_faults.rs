@@ -2,13 +2,10 @@
 //!
 //! Ticks are counted at the pins of the simulated robot, from the tick in which the fault came.
 
-use std::path::{Path, PathBuf};
-
 use host::link;
 use host::simulate::Fault;
 use protocol::ResetReason;
-use tests::machine::{Emulated, Log, Mishap, Options, What};
-use tests::run_host;
+use tests::machine::{Emulated, Log, Mishap, Options, Recorded, SWING, What};
 
 /// Ticks after the start of the motion.
 const AT: u32 = 400;
@@ -28,21 +25,8 @@ impl Stopped {
 
     fn record(options: Options) -> Self {
         let machine = Emulated::start(&options);
-        let scratch = tempfile::tempdir().unwrap();
-        let (port, run) = (machine.port(), scratch.path().join("run.mcap"));
-        let motion = swing();
-        let output = run_host([
-            "record".as_ref(),
-            "--set-zero".as_ref(),
-            "--port".as_ref(),
-            port.as_path(),
-            "--motion".as_ref(),
-            motion.as_path(),
-            "-o".as_ref(),
-            run.as_path(),
-        ]);
-        let said = String::from_utf8_lossy(&output.stderr).into_owned();
-        assert_eq!(output.status.code(), Some(3), "{said}");
+        let Recorded { code, said, .. } = machine.record(&["--motion", SWING]);
+        assert_eq!(code, Some(3), "{said}");
         Self { machine, said }
     }
 
@@ -59,16 +43,18 @@ impl Stopped {
     }
 }
 
-fn swing() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("stories/swing.toml")
-}
-
 /// The device waits for 100 ms since the last heartbeat, which came at most 60 ms before the line was cut.
 #[test]
 fn heartbeats_that_stay_away_stop_the_motion() {
     let cut = Fault::StallIn { duration_s: 1.0, at_s: 1e-3 * f64::from(AT) };
     let stopped = Stopped::record(Options { seed: 5, faults: vec![cut], ..Options::default() });
     stopped.told("the host's heartbeats stayed away", 38..=101);
+}
+
+/// Nonsense on a full line is no heartbeat.
+#[test]
+fn nonsense_in_a_motion_is_no_sign_of_life() {
+    Stopped::by(What::Nonsense).told("the host's heartbeats stayed away", 38..=101);
 }
 
 #[test]

@@ -1,6 +1,11 @@
 //! What goes wrong at the pins and in the processor.
 
-use firmware::lockstep::{Ordeal, PINS_BROWN_OUT, PINS_EMERGENCY_STOP, Sensors};
+use firmware::lockstep::{I2C_BURST, Ordeal, PINS_BROWN_OUT, PINS_EMERGENCY_STOP, Sensors};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+/// What 921,600 baud carry in a tick.
+const LINE_BYTES: usize = 92;
 
 /// Something that goes wrong in a tick of the motion.
 #[derive(Debug, Clone, Copy)]
@@ -33,6 +38,8 @@ pub enum What {
     },
     /// One tick takes so much longer, µs.
     Overrun(u16),
+    /// What the host says arrives as nonsense, as much as the line carries.
+    Nonsense,
     /// The commands task panics.
     Panic,
     /// The telemetry task hangs.
@@ -43,12 +50,13 @@ pub enum What {
 #[derive(Debug)]
 pub(super) struct Mishaps {
     script: Vec<Mishap>,
-    frozen: Option<[u8; firmware::lockstep::I2C_BURST]>,
+    frozen: Option<[u8; I2C_BURST]>,
+    nonsense: ChaCha8Rng,
 }
 
 impl Mishaps {
     pub fn new(script: Vec<Mishap>) -> Self {
-        Self { script, frozen: None }
+        Self { script, frozen: None, nonsense: ChaCha8Rng::seed_from_u64(0) }
     }
 
     /// Changes what the pins show `ticks` after the first tick of the motion.
@@ -71,6 +79,11 @@ impl Mishaps {
                     sensors.counters[motor] = sensors.counters[motor].wrapping_add(counts);
                 }
                 What::Overrun(us) => sensors.ordeal = once(Ordeal::Delay(us)),
+                What::Nonsense => {
+                    let mut bytes = [0; LINE_BYTES];
+                    self.nonsense.fill(&mut bytes);
+                    sensors.host = bytes.into_iter().collect();
+                }
                 What::Panic => sensors.ordeal = once(Ordeal::PanicInCommands),
                 What::TelemetryHangs => sensors.ordeal = once(Ordeal::TelemetryHangs),
             }

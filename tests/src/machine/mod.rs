@@ -30,14 +30,20 @@ pub mod replay;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
-use host::effect::TrueValue;
-use host::robot::Robot;
-use host::simulate::{self, Drawn, Fault, Pace, SimulationReport, Simulator};
+use ::host::effect::TrueValue;
+use ::host::robot::Robot;
+use ::host::simulate::{self, Drawn, Fault, Pace, SimulationReport, Simulator};
 
+use tempfile::TempDir;
+
+use crate::host;
 use controller::Machine;
 pub use image::image;
 pub use log::{Log, Period};
 pub use mishap::{Mishap, What};
+
+/// A motion of two seconds with a duty on some motor in nearly every tick: what stops it can be measured at once.
+pub const SWING: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/src/machine/swing.toml");
 
 /// What to emulate.
 #[derive(Debug, Clone, Default)]
@@ -50,6 +56,17 @@ pub struct Options {
     pub mishaps: Vec<Mishap>,
     /// What goes wrong on the line.
     pub faults: Vec<Fault>,
+}
+
+/// What `host record` made of a machine.
+pub struct Recorded {
+    /// Its exit code.
+    pub code: Option<i32>,
+    /// What it printed.
+    pub said: String,
+    /// The recording, until this is dropped.
+    pub file: PathBuf,
+    _scratch: TempDir,
 }
 
 /// A running machine. Dropped, it ends, and the emulator with it.
@@ -80,9 +97,26 @@ impl Emulated {
         Path::to_owned(self.simulator.path())
     }
 
+    /// Records this machine with `host record`, in its marked pose, with these options more.
+    pub fn record(&self, more: &[&str]) -> Recorded {
+        let scratch = tempfile::tempdir().expect("there is room for scratch files");
+        let file = scratch.path().join("run.mcap");
+        let port = self.port();
+        let mut record = host();
+        record.args(["record", "--set-zero", "--port"]).arg(port).arg("-o").arg(&file).args(more);
+        let output = record.output().expect("the host binary can be started");
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        Recorded { code: output.status.code(), said, file, _scratch: scratch }
+    }
+
     /// The true parameters of the robot.
     pub fn truth(&self) -> &[TrueValue] {
         &self.truth
+    }
+
+    /// Whether it still runs; if not, [`Self::finish`] tells why.
+    pub fn is_running(&self) -> bool {
+        self.simulator.is_running()
     }
 
     /// What the pins have shown so far.

@@ -1,13 +1,15 @@
 //! The line: bytes from the host come with the exchange, bytes for the host leave through the emulated USART.
 
+use core::hint::spin_loop;
 use core::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
+use cortex_m::peripheral::NVIC;
 use cortex_m::singleton;
 use firmware::wiring;
 use heapless::spsc::{Consumer, Producer, Queue};
 use protocol::budget::{BAUD, BITS_PER_BYTE};
 use protocol::message::MAX_TO_HOST_FRAME;
-use stm32f4xx_hal::pac::USART1;
+use stm32f4xx_hal::pac::{Interrupt, USART1};
 
 use super::clock;
 
@@ -74,7 +76,7 @@ impl wiring::LineOut for LineOut {
 
     fn send(&mut self, len: usize) {
         while HANG.load(Relaxed) {
-            core::hint::spin_loop();
+            spin_loop();
         }
         for byte in &self.buffer[..len] {
             self.usart.dr().write(|w| w.dr().set(u16::from(*byte)));
@@ -94,6 +96,10 @@ impl wiring::LineIn for LineIn {
         {
             out[n] = byte;
             n += 1;
+        }
+        if self.0.ready() {
+            // As the real one's: its interrupt stays pending while bytes wait.
+            NVIC::pend(Interrupt::USART1);
         }
         n
     }
