@@ -1,7 +1,7 @@
 //! The emulated board's exchange with the simulated world: one request and one reply a tick, in lock-step.
 //!
 //! The image runs in an emulator that has no sensors and no motors. What the real board does at its pins, the emulated
-//! one writes into a FIFO as a [`Request`]; the world reads it, answers with a [`Reply`] in a second FIFO, and meanwhile
+//! one writes into a FIFO as a [`Request`]; the world reads it, answers in a second FIFO, and meanwhile
 //! the emulator's clock stands still, however long that takes:
 //!
 //! ```text
