@@ -119,11 +119,11 @@ fn the_pc_computes_the_same(log: &Log) {
         _ => None,
     });
     let hello = hello.expect("the host shook hands");
-    let config = firmware::robot::doggy().unwrap().started_by(hello.reset, hello.panic);
-    let config = match hello.code_crc {
-        Some(crc) => config.code_crc(crc),
-        None => config,
-    };
+    let mut config = firmware::robot::doggy();
+    config.started_by(hello.reset, hello.panic);
+    if let Some(crc) = hello.code_crc {
+        config.code_crc(crc);
+    }
     let on_pc = Replay::of(log, &config);
     assert!(on_arm.samples.len() > 60_000);
     // What the last ticks have to say is still in the device.

@@ -33,8 +33,6 @@ mod tick;
 use bytes::{Reader, Writer};
 pub use tick::{I2C_BURST, Ordeal, PINS_BROWN_OUT, PINS_EMERGENCY_STOP, SPI_BURST, Sensors, Tick};
 
-use protocol::ResetReason;
-
 /// The FIFO from the board to the world, in the emulator's working folder.
 pub const TO_WORLD: &str = "to_world";
 /// The FIFO from the world to the board.
@@ -92,9 +90,10 @@ pub enum Kind {
     Stop,
 }
 
-/// Answers [`Kind::Start`]: why the processor was reset, which the emulator's reset flags do not tell.
+/// Answers [`Kind::Start`]: the register RCC_CSR as a reset would have left it, for the emulator's shows no flags. See
+/// [`reason`](crate::wiring::reset::reason).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Started(pub ResetReason);
+pub struct Started(pub u32);
 
 /// Answers a bus transfer.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -161,26 +160,14 @@ impl Request {
     }
 }
 
-/// Why the processor was reset, by its number here.
-const REASONS: [ResetReason; 7] = [
-    ResetReason::PowerOn,
-    ResetReason::Pin,
-    ResetReason::BrownOut,
-    ResetReason::Watchdog,
-    ResetReason::Software,
-    ResetReason::Panic,
-    ResetReason::Unknown,
-];
-
 impl Started {
     /// Writes the message; returns its length.
     ///
     /// # Errors
     /// [`Malformed`] if `out` is too small.
     pub fn write(&self, out: &mut [u8]) -> Result<usize, Malformed> {
-        let number = REASONS.iter().position(|reason| *reason == self.0).ok_or(Malformed)?;
         let mut w = Writer::after_length(out);
-        w.put([number as u8])?;
+        w.put(self.0.to_le_bytes())?;
         w.finish()
     }
 
@@ -189,8 +176,7 @@ impl Started {
     /// # Errors
     /// [`Malformed`] if it is none of this version.
     pub fn read(message: &[u8]) -> Result<Self, Malformed> {
-        let [number] = message.try_into().map_err(|_| Malformed)?;
-        REASONS.get(usize::from(number)).map(|reason| Self(*reason)).ok_or(Malformed)
+        message.try_into().map(|bytes| Self(u32::from_le_bytes(bytes))).map_err(|_| Malformed)
     }
 }
 

@@ -6,8 +6,9 @@ use std::sync::{Arc, Mutex};
 use firmware::lockstep::{
     Answer, Kind, MAX_HOST_BYTES, MAX_MESSAGE, MOTORS, Malformed, Ordeal, Request, Sensors, Started, Tick, Transfer,
 };
+use firmware::wiring::reset;
 use host::simulate::{Microcontroller, SimulateError, World};
-use protocol::{Duty, Layout, ResetReason, State};
+use protocol::{Duty, Layout, State};
 
 use super::ear::Ear;
 use super::log::{Log, Period};
@@ -15,8 +16,13 @@ use super::mishap::Mishaps;
 use super::qemu::Qemu;
 use super::{Options, image};
 
-/// Ticks without food after which the watchdog bites.
-const WATCHDOG_TICKS: u32 = 20;
+/// Ticks without food after which the watchdog bites: the real one's nominal 16 ms.
+const WATCHDOG_TICKS: u32 = 16;
+
+/// RCC_CSR after the resets that the world knows: every one pulls the pin, and power-on shows as a brown-out too.
+const POWER_ON: u32 = 1 << 27 | 1 << 26 | 1 << 25;
+const WATCHDOG: u32 = 1 << 29 | 1 << 26;
+const SOFTWARE: u32 = 1 << 28 | 1 << 26;
 
 /// QEMU, the world, and what lies between them.
 pub(super) struct Machine {
@@ -34,8 +40,8 @@ pub(super) struct Machine {
     seq: u32,
     unfed: u32,
     bite: bool,
-    /// What the next start will be told.
-    reason: ResetReason,
+    /// What the next start will find in RCC_CSR.
+    reset_flags: u32,
     from_host: VecDeque<u8>,
     to_host: VecDeque<u8>,
 }
@@ -61,7 +67,7 @@ impl Machine {
             seq: 0,
             unfed: 0,
             bite: false,
-            reason: ResetReason::PowerOn,
+            reset_flags: POWER_ON,
             from_host: VecDeque::new(),
             to_host: VecDeque::new(),
         }
@@ -87,7 +93,7 @@ impl Machine {
         });
         self.seq += 1;
         if std::mem::take(&mut self.bite) {
-            self.reason = ResetReason::Watchdog;
+            self.reset_flags = WATCHDOG;
             self.qemu.reset()?;
         }
         self.rest_of_tick(duty)?;
@@ -135,9 +141,9 @@ impl Machine {
 
     /// From the start of the processor to its first tick, and how long that takes, s.
     fn answer_start(&mut self) -> Result<(Asked, f64), String> {
-        let reason = std::mem::replace(&mut self.reason, ResetReason::Software);
-        self.with_log(|log| log.starts.push(reason));
-        self.reply(|out| Started(reason).write(out))?;
+        let flags = std::mem::replace(&mut self.reset_flags, SOFTWARE);
+        self.with_log(|log| log.starts.push(reset::reason(flags, false)));
+        self.reply(|out| Started(flags).write(out))?;
         let mut waited_us = 0;
         loop {
             let Request { t_us, kind } = self.qemu.request()?;

@@ -10,7 +10,7 @@ pub struct Log {
     pub periods: Vec<Period>,
     /// Every byte that the USART sent.
     pub sent: Vec<u8>,
-    /// Why the processor started, each time.
+    /// Why the processor started, each time, by its reset flags alone.
     pub starts: Vec<ResetReason>,
     /// First tick of the first motion, as an index into the periods.
     pub motion: Option<usize>,

@@ -3,13 +3,12 @@
 use core::hint::spin_loop;
 use core::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
-use cortex_m::peripheral::NVIC;
 use cortex_m::singleton;
 use firmware::wiring;
 use heapless::spsc::{Consumer, Producer, Queue};
 use protocol::budget::{BAUD, BITS_PER_BYTE};
 use protocol::message::MAX_TO_HOST_FRAME;
-use stm32f4xx_hal::pac::{Interrupt, USART1};
+use stm32f4xx_hal::pac::USART1;
 
 use super::clock;
 
@@ -96,10 +95,6 @@ impl wiring::LineIn for LineIn {
         {
             out[n] = byte;
             n += 1;
-        }
-        if self.0.ready() {
-            // As the real one's: its interrupt stays pending while bytes wait.
-            NVIC::pend(Interrupt::USART1);
         }
         n
     }

@@ -32,12 +32,11 @@ use cortex_m::asm;
 use firmware::driver::{Bmi323, Icm42688p};
 use firmware::lockstep::{Kind, Started};
 use firmware::robot::GYRO_RANGE;
-use firmware::wiring;
-use protocol::ResetReason;
+use firmware::wiring::{self, reset};
 use stm32f4xx_hal::pac::Peripherals as Device;
 
 use super::{Board, gyro};
-use buses::{I2cBus, SpiBus, Wait};
+use buses::{BMI323_ADDRESS, I2cBus, SpiBus, Wait};
 pub use line::{LineIn, LineOut};
 pub use pins::Pins;
 
@@ -47,17 +46,17 @@ pub struct Watchdog;
 /// Starts the board: the gyros are set up, the first period begins a millisecond later.
 pub fn start(mut core: Core, device: Device) -> Board {
     exchange::open();
-    let reason = exchange::ask(&exchange::request(Kind::Start), Started::read).0;
+    let flags = exchange::ask(&exchange::request(Kind::Start), Started::read).0;
     let place = super::panic::take();
-    let reason = if place.is_some() { ResetReason::Panic } else { reason };
+    let reason = reset::reason(flags, place.is_some());
 
-    let on_spi = gyro::set_up(1, || Icm42688p::new(SpiBus, GYRO_RANGE, &mut Wait), |register| register as u8);
-    let bmi323 = || Bmi323::new(I2cBus, buses::BMI323_ADDRESS, GYRO_RANGE, &mut Wait);
-    let on_i2c = gyro::set_up(2, bmi323, |register| register as u8);
+    // What becomes of them shows in every tick.
+    gyro::set_up(1, || Icm42688p::new(SpiBus, GYRO_RANGE, &mut Wait), |register| register as u8);
+    gyro::set_up(2, || Bmi323::new(I2cBus, BMI323_ADDRESS, GYRO_RANGE, &mut Wait), |register| register as u8);
     let (arrived, line_in) = line::received();
     let line_out = LineOut::new(device.USART1);
     clock::start(&mut core.SYST);
-    Board { pins: Pins::new(on_spi, on_i2c, arrived), line_out, line_in, watchdog: Watchdog, started: (reason, place) }
+    Board { pins: Pins::new(arrived), line_out, line_in, watchdog: Watchdog, started: (reason, place) }
 }
 
 /// Motors off, from anywhere.

@@ -20,9 +20,6 @@ static FED: AtomicBool = AtomicBool::new(false);
 /// Sensors and motors.
 pub struct Pins {
     counters: [QuadratureCounter; MOTORS],
-    /// Whether the gyros were found at the start.
-    on_spi: bool,
-    on_i2c: bool,
     sensors: Sensors,
     /// Duties for the next period, if there was a tick.
     preloaded: Option<[Duty; MOTORS]>,
@@ -42,11 +39,9 @@ pub fn feed() {
 
 impl Pins {
     /// Motors off.
-    pub fn new(on_spi: bool, on_i2c: bool, arrived: Arrived) -> Self {
+    pub fn new(arrived: Arrived) -> Self {
         Pins {
             counters: [const { QuadratureCounter::new(0) }; MOTORS],
-            on_spi,
-            on_i2c,
             sensors: Sensors::default(),
             preloaded: None,
             overrun_periods: 0,
@@ -59,11 +54,9 @@ impl Pins {
     }
 
     fn gyros(&self) -> [GyroInput; 2] {
-        let spi = self.sensors.spi.filter(|_| self.on_spi);
-        let i2c = self.sensors.i2c.filter(|_| self.on_i2c);
         [
-            spi.map(|answer| Icm42688p::<SpiBus>::decode(&answer)).ok_or(()).into(),
-            i2c.map(|answer| Bmi323::<I2cBus>::decode(&answer)).ok_or(()).into(),
+            self.sensors.spi.map(|answer| Icm42688p::<SpiBus>::decode(&answer)).ok_or(()).into(),
+            self.sensors.i2c.map(|answer| Bmi323::<I2cBus>::decode(&answer)).ok_or(()).into(),
         ]
     }
 }
