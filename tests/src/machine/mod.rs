@@ -21,7 +21,7 @@
 
 mod controller;
 mod ear;
-mod image;
+pub mod image;
 mod log;
 mod mishap;
 mod qemu;
