@@ -50,13 +50,14 @@ pub fn start(mut core: Core, device: Device) -> Board {
     let place = super::panic::take();
     let reason = reset::reason(flags, place.is_some());
 
-    // What becomes of them shows in every tick.
-    gyro::set_up(1, || Icm42688p::new(SpiBus, GYRO_RANGE, &mut Wait), |register| register as u8);
-    gyro::set_up(2, || Bmi323::new(I2cBus, BMI323_ADDRESS, GYRO_RANGE, &mut Wait), |register| register as u8);
+    let icm42688p = || Icm42688p::new(SpiBus, GYRO_RANGE, &mut Wait);
+    let bmi323 = || Bmi323::new(I2cBus, BMI323_ADDRESS, GYRO_RANGE, &mut Wait);
+    let there =
+        [gyro::set_up(1, icm42688p, |register| register as u8), gyro::set_up(2, bmi323, |register| register as u8)];
     let (arrived, line_in) = line::received();
     let line_out = LineOut::new(device.USART1);
     clock::start(&mut core.SYST);
-    Board { pins: Pins::new(arrived), line_out, line_in, watchdog: Watchdog, started: (reason, place) }
+    Board { pins: Pins::new(there, arrived), line_out, line_in, watchdog: Watchdog, started: (reason, place) }
 }
 
 /// Motors off, from anywhere.

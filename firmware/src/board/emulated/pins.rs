@@ -20,6 +20,8 @@ static FED: AtomicBool = AtomicBool::new(false);
 /// Sensors and motors.
 pub struct Pins {
     counters: [QuadratureCounter; MOTORS],
+    /// Whether each gyro could be set up.
+    there: [bool; 2],
     sensors: Sensors,
     /// Duties for the next period, if there was a tick.
     preloaded: Option<[Duty; MOTORS]>,
@@ -38,10 +40,11 @@ pub fn feed() {
 }
 
 impl Pins {
-    /// Motors off.
-    pub fn new(arrived: Arrived) -> Self {
+    /// Motors off. A gyro that is not `there` is a bus error in every tick.
+    pub fn new(there: [bool; 2], arrived: Arrived) -> Self {
         Pins {
             counters: [const { QuadratureCounter::new(0) }; MOTORS],
+            there,
             sensors: Sensors::default(),
             preloaded: None,
             overrun_periods: 0,
@@ -54,9 +57,11 @@ impl Pins {
     }
 
     fn gyros(&self) -> [GyroInput; 2] {
+        let [spi_is_there, i2c_is_there] = self.there;
+        let (spi, i2c) = (self.sensors.spi.filter(|_| spi_is_there), self.sensors.i2c.filter(|_| i2c_is_there));
         [
-            self.sensors.spi.map(|answer| Icm42688p::<SpiBus>::decode(&answer)).ok_or(()).into(),
-            self.sensors.i2c.map(|answer| Bmi323::<I2cBus>::decode(&answer)).ok_or(()).into(),
+            spi.map(|answer| Icm42688p::<SpiBus>::decode(&answer)).ok_or(()).into(),
+            i2c.map(|answer| Bmi323::<I2cBus>::decode(&answer)).ok_or(()).into(),
         ]
     }
 }
