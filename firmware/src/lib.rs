@@ -19,7 +19,8 @@
 //!
 //! Navigating: [`control`] is the tick and what it does with requests, [`motion`] the player and the presets,
 //! [`safety`] the watches and limits, [`driver`] the gyroscopes and counters, [`queues`] what connects the tasks,
-//! [`config`] a robot's figures, [`constants`] every other number with its derivation.
+//! [`config`] and [`robot`] a robot's figures, [`constants`] every other number with its derivation, [`wiring`] what a
+//! board provides, with the parts of a board that need no chip. The boards and the image are the binary of this crate.
 //!
 //! ```
 //! use firmware::{Config, ControlCore, Inputs, JointSetup};

@@ -1,5 +1,6 @@
 //! The two images of the firmware: what they take of the chip, and whether they know the robot that the host knows.
 
+use std::io::Write;
 use std::path::Path;
 
 use host::robot::Robot;
@@ -43,10 +44,12 @@ fn taken(file: &Path) -> Taken {
 /// sides, and prints them.
 #[test]
 fn the_images_fit_their_budgets() {
-    println!("| image | flash | RAM without stack | stack |");
+    // Past the test's capture, so that every run of the tests says it.
+    let mut out = std::io::stderr();
+    writeln!(out, "image: flash, RAM without stack, stack (bytes)").unwrap();
     for (kind, flash, data) in [(Kind::F405, FLASH_F405, DATA_F405), (Kind::Emulated, FLASH_EMULATED, DATA_EMULATED)] {
         let taken = taken(image_of(kind));
-        println!("| {kind:?} | {} | {} | {} |", taken.flash, taken.data, taken.stack);
+        writeln!(out, "{kind:?}: {}, {}, {}", taken.flash, taken.data, taken.stack).unwrap();
         assert!(taken.flash <= FLASH && taken.data + taken.stack <= RAM, "{taken:?}");
         let near = |is: u64, said: u64| is.abs_diff(said) * 100 <= said * 3;
         assert!(near(taken.flash, flash) && near(taken.data, data), "{kind:?}: the README says otherwise: {taken:?}");
@@ -54,10 +57,10 @@ fn the_images_fit_their_budgets() {
 }
 
 /// Measured with Rust 1.95; another compiler moves them by a few per cent.
-const FLASH_F405: u64 = 46_700;
-const DATA_F405: u64 = 11_510;
-const FLASH_EMULATED: u64 = 45_100;
-const DATA_EMULATED: u64 = 11_590;
+const FLASH_F405: u64 = 46_836;
+const DATA_F405: u64 = 11_508;
+const FLASH_EMULATED: u64 = 45_088;
+const DATA_EMULATED: u64 = 11_584;
 
 /// Scales, limits, ranges: the robot that the image is built for is the one that the host describes, bit for bit.
 #[test]
