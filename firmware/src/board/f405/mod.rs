@@ -117,8 +117,10 @@ pub struct Pins {
 impl wiring::Pins for Pins {
     fn begin(&mut self) -> u32 {
         self.stopwatch.go();
-        // First of all, for the least jitter.
-        self.motors.drive(self.preloaded.take().unwrap_or_default());
+        // First of all, for the least jitter. If the timer has stopped, this period comes so late that what was meant
+        // for it must not act any more; the tick will find the overrun.
+        let driven = self.motors.driven();
+        self.motors.drive(self.preloaded.take().filter(|_| driven).unwrap_or_default());
         let now_us = self.clock.begin(BUS_BOUND_US);
         self.encoders.latch();
         self.spi.begin();

@@ -64,6 +64,11 @@ impl Motors {
         Motors { timer, enable: pins.enable, direction: pins.direction, _pwm }
     }
 
+    /// Whether the last duties are still in force: false once the timer has stopped by itself, or before the first ones.
+    pub fn driven(&self) -> bool {
+        self.timer.cr1().read().cen().is_enabled()
+    }
+
     /// These duties at once, until a period and a half from now.
     pub fn drive(&mut self, duty: [Duty; MOTORS]) {
         let forward = |duty: Duty| PinState::from(duty.0 >= 0);
