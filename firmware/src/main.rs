@@ -110,6 +110,7 @@ mod app {
     fn period(ctx: period::Context) {
         let now_us = ctx.shared.pins.begin();
         ctx.shared.now_us.store(now_us, Ordering::Relaxed);
+        board::log::tick(now_us);
     }
 
     /// The tick: see [`ControlLoop::tick`] for its contract.

@@ -4,11 +4,17 @@
 //! find no room are dropped whole and counted.
 
 use core::cell::UnsafeCell;
+use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
 use firmware::wiring::log_ring::LogRing;
 
-/// Two dozen frames: what a start says with everything wrong.
+/// Sixteen frames and more: what a start says with everything wrong.
 const RING: usize = 256;
+
+/// Device time of the present tick, µs.
+static NOW_US: AtomicU32 = AtomicU32::new(0);
+
+defmt::timestamp!("{=u32:us}", NOW_US.load(Relaxed));
 
 struct State {
     ring: LogRing<RING>,
@@ -62,6 +68,11 @@ unsafe impl defmt::Logger for Logger {
         let State { ring, encoder, .. } = unsafe { &mut *LOG.0.get() };
         encoder.write(bytes, |bytes| ring.push(bytes));
     }
+}
+
+/// A tick begins: what is logged from now on is stamped with its time.
+pub fn tick(now_us: u32) {
+    NOW_US.store(now_us, Relaxed);
 }
 
 /// Takes bytes of whole frames, at most what `out` holds; returns how many.
