@@ -48,7 +48,7 @@ impl Board {
     pub fn new(robot: &Robot, world: World) -> Result<Self, SimulateError> {
         let config = config(robot, &world)?;
         let mut board = Self {
-            core: ControlCore::new(&config.clone().started_by(ResetReason::PowerOn, None)),
+            core: ControlCore::new(config.clone().started_by(ResetReason::PowerOn, None)),
             config,
             counters: Vec::new(),
             gyros: Vec::new(),
@@ -111,7 +111,7 @@ impl Microcontroller for Board {
         let start_up_s = (self.world.clock().now_ns() - before) as f64 * 1e-9;
         self.preloaded = [0.0; MAX_JOINTS];
         self.world.restart(start_up_s.max(1e-3));
-        self.core = ControlCore::new(&self.config.clone().started_by(ResetReason::Watchdog, None));
+        self.core = ControlCore::new(self.config.clone().started_by(ResetReason::Watchdog, None));
         Ok(())
     }
 
