@@ -14,8 +14,8 @@ pub const SAMPLE_QUEUE: usize = 10;
 /// Answers and events that wait for the line. The host has one request under way at a time (two answers at most) and a
 /// heartbeat every 20 ms; a fault makes three events at most.
 pub const REPLY_QUEUE: usize = 12;
-/// Messages from the host that wait for the tick, which takes four a millisecond, one of them a request. The host
-/// sends a request only after the last answer, so a request and three heartbeats can wait.
+/// Messages from the host that wait for the tick, which takes one a millisecond. The host sends a request only after the
+/// last answer, so a request and three heartbeats can wait.
 pub const COMMAND_QUEUE: usize = 4;
 
 /// Duty above which a joint surely moves: 15 N m on Doggy, three times its largest friction.

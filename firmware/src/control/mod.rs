@@ -20,9 +20,6 @@ use request::Upload;
 use sensors::Sensors;
 use stream::Stream;
 
-/// Most messages from the host that one tick takes; at most one of them is a request.
-const MESSAGES_PER_TICK: usize = 4;
-
 /// What a tick reads.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Inputs {
@@ -119,7 +116,7 @@ impl ControlLoop {
     ///   it becomes active at the next period; if `Outputs::stop` is set it writes zero to the pins before it returns.
     /// * **Budget**: 100 µs (a tenth of the period) at the highest priority of all tasks that share the core; nothing
     ///   the tick touches is locked by another task. No allocation, no blocking, no loop longer than the numbers of
-    ///   joints, encoders, gyros and four messages.
+    ///   joints, encoders and gyros; one message.
     /// * **Overrun**: a tick half a period late, or one whose predecessor ran longer than the period, raises
     ///   [`Fault::Overrun`] if a motion is under way: zero duty at once, latched.
     /// * **Numbers**: the sequence number is this loop's own and counts every call, from 0, whether its sample is sent
@@ -139,7 +136,7 @@ impl ControlLoop {
         let mut flags = self.sensors.read(inputs, &self.joints, &in_force);
 
         let was_busy = self.busy();
-        self.take_messages(now, inputs, ends);
+        self.take_message(now, inputs, ends);
         if let Some(fault) = self.find_fault(now_us, inputs, timing) {
             self.raise(now, fault, ends);
         }
@@ -191,24 +188,20 @@ impl ControlLoop {
         !matches!(self.activity, Activity::Idle)
     }
 
-    /// Takes messages from the host.
-    fn take_messages(&mut self, now: Now, inputs: &Inputs, ends: &mut TickEnds<'_>) {
-        for _ in 0..MESSAGES_PER_TICK {
-            match ends.commands.dequeue() {
-                None => break,
-                Some(ToDevice::Hello(_)) => {
-                    self.memory.forget();
-                    reply(Reply::Hello { zero: self.sensors.zero }, ends);
-                }
-                Some(ToDevice::Heartbeat(heartbeat)) => {
-                    self.heartbeat.heard(now.t_us);
-                    reply(Reply::HeartbeatSeen { count: heartbeat.count, t_us: now.t_us }, ends);
-                }
-                Some(ToDevice::Request { id, command }) => {
-                    self.answer(now, id, &command, inputs, ends);
-                    break;
-                }
+    /// Takes a message from the host, if there is one. One a tick, so that the worst tick is known: the host sends far
+    /// fewer.
+    fn take_message(&mut self, now: Now, inputs: &Inputs, ends: &mut TickEnds<'_>) {
+        match ends.commands.dequeue() {
+            None => {}
+            Some(ToDevice::Hello(_)) => {
+                self.memory.forget();
+                reply(Reply::Hello { zero: self.sensors.zero }, ends);
             }
+            Some(ToDevice::Heartbeat(heartbeat)) => {
+                self.heartbeat.heard(now.t_us);
+                reply(Reply::HeartbeatSeen { count: heartbeat.count, t_us: now.t_us }, ends);
+            }
+            Some(ToDevice::Request { id, command }) => self.answer(now, id, &command, inputs, ends),
         }
     }
 

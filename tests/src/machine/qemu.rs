@@ -21,6 +21,7 @@ const INSTALL: &str = "apt-get update && apt-get install -y --no-install-recomme
 /// What the USART sends.
 const USART: &str = "usart";
 const MONITOR: &str = "monitor";
+const PROMPT: &[u8] = b"(qemu) ";
 /// How long an emulator that should run may say nothing. It takes a millisecond; a busy PC may take seconds.
 const PATIENCE: Duration = Duration::from_secs(60);
 const LOOK_MS: u16 = 200;
@@ -116,17 +117,28 @@ impl Qemu {
         }
     }
 
-    /// Pulls the reset of the machine.
+    /// Pulls the reset of the machine; it has been when this returns.
     pub fn reset(&mut self) -> Result<(), String> {
-        let monitor = UnixStream::connect(self.folder.path().join(MONITOR));
-        monitor.and_then(|mut monitor| monitor.write_all(b"system_reset\n").map(|()| monitor)).map_or_else(
-            |error| Err(format!("the emulator's monitor: {error}")),
-            |mut monitor| {
-                // It closes when the command is done; what it prints is for people.
-                monitor.shutdown(std::net::Shutdown::Write).and_then(|()| io::copy(&mut monitor, &mut io::sink())).ok();
-                Ok(())
-            },
-        )
+        self.command("system_reset").map_err(|error| format!("the emulator's monitor: {error}"))
+    }
+
+    /// A command of the monitor: it is done when the next prompt comes. Who hangs up earlier is not heard.
+    fn command(&self, command: &str) -> io::Result<()> {
+        let mut monitor = UnixStream::connect(self.folder.path().join(MONITOR))?;
+        monitor.set_read_timeout(Some(PATIENCE))?;
+        let (mut printed, mut chunk) = (Vec::new(), [0; 1024]);
+        let mut until_prompt = |monitor: &mut UnixStream, prompts: usize| {
+            while printed.windows(PROMPT.len()).filter(|text| *text == PROMPT).count() < prompts {
+                match monitor.read(&mut chunk)? {
+                    0 => return Err(io::ErrorKind::UnexpectedEof.into()),
+                    n => printed.extend_from_slice(&chunk[..n]),
+                }
+            }
+            Ok(())
+        };
+        until_prompt(&mut monitor, 1)?;
+        monitor.write_all(format!("{command}\n").as_bytes())?;
+        until_prompt(&mut monitor, 2)
     }
 
     fn last_words(&self) -> String {
