@@ -117,9 +117,23 @@ impl Qemu {
         }
     }
 
-    /// Pulls the reset of the machine; it has been when this returns.
+    /// Pulls the reset of the machine; it has been when this returns. The image has read the last reply before: what it
+    /// leaves in the FIFO would answer its next request.
     pub fn reset(&mut self) -> Result<(), String> {
+        let since = Instant::now();
+        while self.is_unread().map_err(|error| error.to_string())? {
+            if since.elapsed() > PATIENCE {
+                return Err(format!("the image does not read; {}", self.last_words()));
+            }
+            std::thread::sleep(Duration::from_millis(1));
+        }
         self.command("system_reset").map_err(|error| format!("the emulator's monitor: {error}"))
+    }
+
+    /// Whether the last reply still lies in the FIFO.
+    fn is_unread(&self) -> io::Result<bool> {
+        let mut ends = [PollFd::new(self.from_world.as_fd(), PollFlags::POLLIN)];
+        Ok(poll(&mut ends, PollTimeout::ZERO)? > 0)
     }
 
     /// A command of the monitor: it is done when the next prompt comes. Who hangs up earlier is not heard.
