@@ -56,3 +56,43 @@ fn completions_go_to_stdout() {
     assert!(text(&output.stdout).contains("complete"), "{}", text(&output.stdout));
     assert!(output.stderr.is_empty());
 }
+
+#[test]
+fn the_catalogue_is_printed_for_people_and_for_programs() {
+    let output = host().arg("effects").output().unwrap();
+    assert_eq!(output.status.code(), Some(0));
+    let listed = text(&output.stdout);
+    assert!(
+        listed.contains("base_bearing") && listed.contains("N m/rad") && listed.contains("structure_mode"),
+        "{listed}"
+    );
+
+    let output = host().args(["effects", "--json"]).output().unwrap();
+    let all: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let all = all.as_array().unwrap();
+    assert_eq!(all.len(), 35);
+    for entry in all {
+        for key in ["id", "title", "equation", "about"] {
+            assert!(entry[key].as_str().is_some_and(|text| !text.is_empty()), "{key}: {entry}");
+        }
+        assert!(entry["confounded_with"].as_array().is_some_and(|names| !names.is_empty()), "{entry}");
+        assert!(entry["parameters"].as_array().unwrap().iter().all(|p| p["name"].is_string() && p["unit"].is_string()));
+        assert!(listed.contains(entry["id"].as_str().unwrap()), "{entry}");
+    }
+
+    let output = host().args(["effects", "backlash", "--json"]).output().unwrap();
+    let one: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert!(all.contains(&one) && one["parameters"][0]["name"] == "h[i]", "{one}");
+    let output = host().args(["effects", "backlash"]).output().unwrap();
+    assert!(text(&output.stdout).contains("At every reversal"), "{}", text(&output.stdout));
+}
+
+#[test]
+fn an_effect_that_does_not_exist_is_told_the_nearest() {
+    for line in [&["effects", "baklash"][..], &["simulate", "--effect", "baklash"]] {
+        let output = host().args(line).output().unwrap();
+        assert_eq!(output.status.code(), Some(2));
+        assert!(text(&output.stderr).contains("did you mean `backlash`"), "{}", text(&output.stderr));
+        assert!(output.stdout.is_empty());
+    }
+}

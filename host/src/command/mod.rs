@@ -14,6 +14,7 @@ mod calibrate;
 mod check;
 mod completions;
 mod demo;
+mod effects;
 mod export;
 mod import;
 mod ports;
@@ -64,6 +65,7 @@ enum Verb {
     Export(export::Args),
     Repair(repair::Args),
     Robot(robot::Args),
+    Effects(effects::Args),
     Completions(completions::Args),
 }
 
@@ -86,6 +88,7 @@ pub fn main() -> ExitCode {
         Verb::Export(args) => export::run(args, &ui),
         Verb::Repair(args) => repair::run(args, &ui),
         Verb::Robot(args) => robot::run(args, &ui),
+        Verb::Effects(args) => effects::run(args, &ui),
         Verb::Completions(args) => completions::run(args, &ui),
     }));
     let exit = match ended {

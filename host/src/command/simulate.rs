@@ -114,7 +114,9 @@ pub(super) fn write_truth(file: Option<NewFile>, report: &SimulationReport) -> R
 pub(super) fn simulate_failure(error: SimulateError) -> Failure {
     match error {
         SimulateError::Robot(error) => robot_failure(error),
-        SimulateError::Effect(_) => Failure::usage(error).advice("`host simulate --help` tells how to write effects"),
+        SimulateError::Effect(_) => {
+            Failure::usage(error).advice("write effects as backlash, backlash=large or backlash=0.008")
+        }
         SimulateError::UnknownOption { .. } | SimulateError::Option { .. } => {
             Failure::usage(error).advice("write a simulated port as sim:seed=3,effect=base_bearing")
         }

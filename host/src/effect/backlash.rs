@@ -9,15 +9,15 @@
 
 use rand::Rng;
 
-use super::{Belt, Effect, EffectError, EffectParameter, Hidden, Physics, Size, TrueValue};
-use crate::robot::{JointKind, Robot, Transmission};
+use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Size, draw};
+use crate::robot::Robot;
 
 pub(super) const EFFECT: Effect = Effect {
     id: "backlash",
     title: "free play in the transmission",
     equation: "τ_c = 0 inside ±h, k_s (q − θ ∓ h) + d_s (q̇ − θ̇) outside",
     parameters: &[EffectParameter { name: "h[i]", unit: "rad", sizes: "half gap 2, 8, 20 mrad (1 to 30 met)" }],
-    confounded_with: "belt_hardening",
+    confounded_with: &["belt_hardening", "k_s"],
     about: "Worn teeth or a slack belt leave a gap in which motor and link do not feel each other. At every reversal \
             the motor crosses it alone, then meets the link with a blow.",
     make,
@@ -35,42 +35,37 @@ struct Backlash {
 }
 
 impl Physics for Backlash {
-    fn transmission_torque(&self, joint: usize, belt: &Belt, torque: f64) -> f64 {
-        let half_gap = self.half_gap[joint];
+    fn transmission_torque(&self, at: &Moment<'_>, torque: f64) -> f64 {
+        let half_gap = self.half_gap[at.joint];
         if half_gap == 0.0 {
             return torque;
         }
-        let depth = belt.wind.abs() - half_gap;
+        // The base law goes, its law takes its place: what other effects add stays.
+        let others = torque - at.k_s * at.wind() - at.d_s * at.wind_rate();
+        let depth = at.wind().abs() - half_gap;
         if depth <= 0.0 {
-            return 0.0;
+            return others;
         }
         let grip = (depth / CONTACT_RAD).min(1.0);
-        belt.k_s * depth * belt.wind.signum() + grip * belt.d_s * belt.wind_rate
+        others + at.k_s * depth * at.wind().signum() + grip * at.d_s * at.wind_rate()
     }
 }
 
 fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectError> {
-    let mut half_gap = vec![0.0; robot.joints.len()];
-    for (half_gap, joint) in half_gap.iter_mut().zip(&robot.joints) {
-        if joint.transmission == Transmission::Elastic && joint.kind == JointKind::Revolute {
-            *half_gap = size.draw(HALF_GAP_RAD, rng);
-        }
+    let joints = draw::elastic(robot);
+    if joints.is_empty() {
+        return Err(EffectError::Unsuited {
+            effect: EFFECT.id,
+            reason: "no joint turns through an elastic transmission",
+        });
     }
-    if half_gap.iter().all(|h| *h == 0.0) {
-        let reason = "no joint turns through an elastic transmission";
-        return Err(EffectError::Unsuited { effect: EFFECT.id, reason });
-    }
+    let half_gap = draw::per_joint(robot, &joints, size, HALF_GAP_RAD, |_| 1.0, rng);
     Ok(gaps(half_gap))
 }
 
 /// Free play of these half gaps, rad, one a joint; zero is none.
 pub(crate) fn gaps(half_gap: Vec<f64>) -> Hidden {
-    let name = |joint: usize| format!("{}.h[{}]", EFFECT.id, joint + 1);
-    let values = half_gap
-        .iter()
-        .enumerate()
-        .filter(|(_, h)| **h > 0.0)
-        .map(|(joint, h)| TrueValue { name: name(joint), unit: "rad", value: *h })
-        .collect();
+    let joints: Vec<usize> = (0..half_gap.len()).filter(|joint| half_gap[*joint] > 0.0).collect();
+    let values = draw::of_joints(EFFECT.id, "h", "rad", &joints, &half_gap).collect();
     Hidden { id: EFFECT.id, values, physics: Box::new(Backlash { half_gap }) }
 }

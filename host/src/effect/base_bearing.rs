@@ -23,7 +23,7 @@ pub(super) const EFFECT: Effect = Effect {
         EffectParameter { name: "k[x,y]", unit: "N m/rad", sizes: "5.8, 4.4, 2.6 Hz of the robot on its bearing" },
         EffectParameter { name: "d[x,y]", unit: "N m s/rad", sizes: "5 to 9 % of critical" },
     ],
-    confounded_with: "soft belts, structure_mode",
+    confounded_with: &["k_s", "structure_mode"],
     about: "The bearing between base and robot gives way, so that the robot tilts when it accelerates sideways. Gyros \
             see the tilt as rates that no joint makes; a model with a rigid base packs it into the belts' stiffness.",
     make,

@@ -6,7 +6,7 @@
 
 use rand::Rng;
 
-use super::{Effect, EffectError, EffectParameter, Hidden, Physics, Size, TrueValue};
+use super::{Effect, EffectError, EffectParameter, Hidden, Line, Physics, Size, draw};
 use crate::robot::{Robot, Vector3};
 
 pub(super) const EFFECT: Effect = Effect {
@@ -14,7 +14,7 @@ pub(super) const EFFECT: Effect = Effect {
     title: "delay of the gyros' filters",
     equation: "T ω̇_f = ω − ω_f, the reading is ω_f",
     parameters: &[EffectParameter { name: "T[gyro]", unit: "s", sizes: "0.5, 1.5, 4 ms (0.3 to 5 met)" }],
-    confounded_with: "encoder_lag",
+    confounded_with: &["encoder_lag", "input_delay"],
     about: "A gyro filters its signal before it is read; the lower the bandwidth, the later the reading. Against \
             encoders that are read at once the links seem to follow their motors late, like behind a softer belt.",
     make,
@@ -33,11 +33,11 @@ impl Physics for GyroLag {
         3 * self.time_constant.len()
     }
 
-    fn state_rates(&self, own: &[f64], gyro_rates: &[Vector3], out: &mut [f64]) {
+    fn state_rates(&self, own: &[f64], line: &Line<'_>, out: &mut [f64]) {
         for (gyro, time_constant) in self.time_constant.iter().enumerate() {
             for axis in 0..3 {
                 let k = 3 * gyro + axis;
-                out[k] = (gyro_rates[gyro][axis] - own[k]) / time_constant;
+                out[k] = (line.gyro_rates[gyro][axis] - own[k]) / time_constant;
             }
         }
     }
@@ -48,13 +48,14 @@ impl Physics for GyroLag {
 }
 
 fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectError> {
-    let time_constant: Vec<f64> = robot.gyros().map(|_| size.draw(TIME_CONSTANT_S, rng)).collect();
+    let mut time_constant = Vec::new();
+    for _ in robot.gyros() {
+        time_constant.push(draw::lag(EFFECT.id, size, TIME_CONSTANT_S, rng)?);
+    }
     if time_constant.is_empty() {
         return Err(EffectError::Unsuited { effect: EFFECT.id, reason: "the robot has no gyro" });
     }
-    let name = |gyro: usize| format!("{}.T[{}]", EFFECT.id, gyro + 1);
-    let values = (0..time_constant.len())
-        .map(|gyro| TrueValue { name: name(gyro), unit: "s", value: time_constant[gyro] })
-        .collect();
+    let gyros: Vec<usize> = (0..time_constant.len()).collect();
+    let values = draw::of_joints(EFFECT.id, "T", "s", &gyros, &time_constant).collect();
     Ok(Hidden { id: EFFECT.id, values, physics: Box::new(GyroLag { time_constant }) })
 }

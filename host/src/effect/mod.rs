@@ -3,7 +3,7 @@
 //! A plant walks the line
 //!
 //! ```text
-//! duty → supply voltage → motor torque → friction → transmission torque → link torques → accelerations → sensors
+//! duty → supply voltage → motor torque → transmission torque → friction → link loads → accelerations → sensors
 //! ```
 //!
 //! and asks every effect it has at the quantities that an effect may change ([`Physics`]); an effect that has nothing
@@ -12,23 +12,96 @@
 use rand::{Rng, RngExt};
 use serde::Serialize;
 
-use crate::robot::{Robot, Vector3};
+use crate::robot::Robot;
 
-pub(crate) mod backlash;
-pub(crate) mod base_bearing;
+mod draw;
 mod error;
-pub(crate) mod gyro_lag;
+mod past;
+mod physics;
 #[cfg(test)]
 mod tests;
+
+mod asymmetric_friction;
+pub(crate) mod backlash;
+pub(crate) mod base_bearing;
+mod belt_hardening;
+mod belt_hysteresis;
+mod belt_slack_side;
+pub(crate) mod belt_tooth_skip;
+mod cable_spring;
+mod cogging;
+mod coriolis;
+mod current_limit;
+mod electrical_lag;
+mod encoder_eccentricity;
+mod encoder_lag;
+mod end_stop;
+mod friction_drift;
+mod gravity_residual;
+mod gyro_bias_drift;
+mod gyro_clipping;
+mod gyro_lag;
+mod gyro_scale;
+mod input_delay;
+mod integrator_error;
+mod link_friction;
+mod link_inertia;
+mod load_friction;
+mod motor_mismatch;
+mod position_friction;
+mod pwm_dead_zone;
+mod quadratic_drag;
+mod stribeck;
+mod structure_mode;
+mod torque_offset;
+mod viscous_friction;
 pub(crate) mod voltage_sag;
 
 pub use error::EffectError;
+pub use past::Past;
+pub use physics::{Drive, Line, Moment, PassiveJoint, Physics, Structure};
 
-/// Every effect there is.
-pub const CATALOGUE: [&Effect; 4] = [&base_bearing::EFFECT, &backlash::EFFECT, &voltage_sag::EFFECT, &gyro_lag::EFFECT];
+/// Every effect there is, in the order in which a plant asks them: along the line, and a delay before what it delays.
+pub const CATALOGUE: [&Effect; 35] = [
+    &input_delay::EFFECT,
+    &pwm_dead_zone::EFFECT,
+    &voltage_sag::EFFECT,
+    &electrical_lag::EFFECT,
+    &current_limit::EFFECT,
+    &motor_mismatch::EFFECT,
+    &cogging::EFFECT,
+    &torque_offset::EFFECT,
+    &backlash::EFFECT,
+    &belt_hardening::EFFECT,
+    &belt_slack_side::EFFECT,
+    &belt_hysteresis::EFFECT,
+    &belt_tooth_skip::EFFECT,
+    &viscous_friction::EFFECT,
+    &stribeck::EFFECT,
+    &asymmetric_friction::EFFECT,
+    &load_friction::EFFECT,
+    &position_friction::EFFECT,
+    &friction_drift::EFFECT,
+    &link_friction::EFFECT,
+    &quadratic_drag::EFFECT,
+    &gravity_residual::EFFECT,
+    &cable_spring::EFFECT,
+    &end_stop::EFFECT,
+    &coriolis::EFFECT,
+    &link_inertia::EFFECT,
+    &base_bearing::EFFECT,
+    &structure_mode::EFFECT,
+    &gyro_scale::EFFECT,
+    &gyro_lag::EFFECT,
+    &gyro_bias_drift::EFFECT,
+    &gyro_clipping::EFFECT,
+    &encoder_lag::EFFECT,
+    &encoder_eccentricity::EFFECT,
+    &integrator_error::EFFECT,
+];
 
 /// An entry of the catalogue.
-#[derive(Debug)]
+#[derive(Debug, Serialize)]
 pub struct Effect {
     /// The id on the command line and in results.
     pub id: &'static str,
@@ -38,22 +111,23 @@ pub struct Effect {
     pub equation: &'static str,
     /// What it adds.
     pub parameters: &'static [EffectParameter],
-    /// What else looks like it.
-    pub confounded_with: &'static str,
+    /// What else looks like it: ids of the catalogue, and parameters of the base model.
+    pub confounded_with: &'static [&'static str],
     /// One paragraph for people.
     pub about: &'static str,
     /// Makes one for a robot.
+    #[serde(skip)]
     make: fn(&Robot, Size, &mut dyn Rng) -> Result<Hidden, EffectError>,
 }
 
 /// A parameter of an effect.
-#[derive(Debug)]
+#[derive(Debug, Serialize)]
 pub struct EffectParameter {
-    /// Name, as `k[x,y]` or `h[i]` (one a joint).
+    /// Name, as `k[x,y]`, `h[i]` (one a joint), `T[gyro]` or `a[gyro.axis]`.
     pub name: &'static str,
     /// Unit.
     pub unit: &'static str,
-    /// The sizes called small, medium and large, and the range met on real machines.
+    /// The sizes called small, medium and large on Doggy, and the range met on real machines.
     pub sizes: &'static str,
 }
 
@@ -66,7 +140,8 @@ pub enum Size {
     Medium,
     /// Nobody could overlook it.
     Large,
-    /// The first parameter of the effect has this value, in its unit, on every axis.
+    /// The first parameter of the effect has this value, in its unit, on every axis (where axes must differ, the
+    /// largest).
     Exact(f64),
 }
 
@@ -90,75 +165,6 @@ pub struct TrueValue {
     pub unit: &'static str,
     /// Value.
     pub value: f64,
-}
-
-/// What an effect does to the quantities of the equations. Each method's default leaves them as they are.
-pub trait Physics: Send + std::fmt::Debug {
-    /// Passive joints through the origin of the base frame, before the robot's first.
-    fn base_joints(&self) -> &[PassiveJoint] {
-        &[]
-    }
-
-    /// Supply voltage, V; `supply_v` is what it is without this effect.
-    fn supply_v(&self, _drive: &Drive<'_>, supply_v: f64) -> f64 {
-        supply_v
-    }
-
-    /// Torque of joint `joint`'s transmission, N m, positive when it pulls the motor forwards; `torque` is what it is
-    /// without this effect.
-    fn transmission_torque(&self, _joint: usize, _belt: &Belt, torque: f64) -> f64 {
-        torque
-    }
-
-    /// How many states of its own it has; they are zero while the robot rests.
-    fn states(&self) -> usize {
-        0
-    }
-
-    /// Rates of its own states. `gyro_rates`: angular rate at every gyro in sensor axes, rad/s.
-    fn state_rates(&self, _own: &[f64], _gyro_rates: &[Vector3], _out: &mut [f64]) {}
-
-    /// What gyro `gyro` sees, rad/s in sensor axes; `rate` is what it sees without this effect.
-    fn gyro_rate(&self, _own: &[f64], _gyro: usize, rate: Vector3) -> Vector3 {
-        rate
-    }
-}
-
-/// A joint without motor: a spring and a damper.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PassiveJoint {
-    /// Unit vector in base axes.
-    pub axis: Vector3,
-    /// Stiffness, N m/rad.
-    pub stiffness: f64,
-    /// Damping, N m s/rad.
-    pub damping: f64,
-}
-
-/// Motors at one moment; one value a joint.
-#[derive(Debug, Clone, Copy)]
-pub struct Drive<'a> {
-    /// Duty, −1 … 1.
-    pub duty: &'a [f64],
-    /// Motor speed θ̇ on the link side of the gear, rad/s.
-    pub speed: &'a [f64],
-    /// Torque per volt, N m/V.
-    pub k_pwm: &'a [f64],
-    /// Torque per speed, N m s/rad.
-    pub k_mi: &'a [f64],
-}
-
-/// A transmission at one moment.
-#[derive(Debug, Clone, Copy)]
-pub struct Belt {
-    /// q − θ, rad.
-    pub wind: f64,
-    /// q̇ − θ̇, rad/s.
-    pub wind_rate: f64,
-    /// Stiffness, N m/rad.
-    pub k_s: f64,
-    /// Damping, N m s/rad.
-    pub d_s: f64,
 }
 
 impl Effect {

@@ -16,9 +16,10 @@ pub(super) const EFFECT: Effect = Effect {
     title: "the supply sags with the power drawn",
     equation: "U = U_max − r Σ u_j τ_m,j, not above U_max",
     parameters: &[EffectParameter { name: "r", unit: "V/(N m)", sizes: "0.005, 0.015, 0.04 (0.005 to 0.05 met)" }],
-    confounded_with: "current_limit, quadratic_drag; motion of all axes at once separates them",
+    confounded_with: &["current_limit", "quadratic_drag"],
     about: "Cables, connectors and a small power supply have resistance. When all motors pull at once the voltage falls \
-            and every motor has less torque than its duty promises. A diode keeps braking motors from lifting it.",
+            and every motor has less torque than its duty promises. A diode keeps braking motors from lifting it. Motion of \
+            all axes at once separates it from what a single motor does.",
     make,
 };
 

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use std::str::FromStr;
 
 use super::SimulateError;
-use crate::effect::{CATALOGUE, Effect, Size};
+use crate::effect::{CATALOGUE, Effect, EffectError, Hidden, Size};
 use crate::robot::Robot;
 
 /// What to simulate.
@@ -141,11 +141,17 @@ impl FromStr for EffectChoice {
 }
 
 impl EffectChoice {
-    /// One effect of the catalogue and one of the named sizes.
-    pub(super) fn drawn(rng: &mut impl rand::RngExt) -> Self {
-        let effect = CATALOGUE[rng.random_range(0..CATALOGUE.len())];
-        let size = [Size::Small, Size::Medium, Size::Large][rng.random_range(0..3)];
-        Self { effect, size }
+    /// One effect of the catalogue in one of the named sizes, drawn among those that the robot can have. A late command
+    /// suits every robot, so that one is found.
+    pub(super) fn hide_one(robot: &Robot, rng: &mut impl rand::RngExt) -> Result<Hidden, EffectError> {
+        loop {
+            let effect = CATALOGUE[rng.random_range(0..CATALOGUE.len())];
+            let size = [Size::Small, Size::Medium, Size::Large][rng.random_range(0..3)];
+            match effect.hide_in(robot, size, rng) {
+                Err(EffectError::Unsuited { .. }) => {}
+                decided => return decided,
+            }
+        }
     }
 }
 
@@ -176,6 +182,8 @@ impl FromStr for Fault {
 
 #[cfg(test)]
 mod tests {
+    use rand::SeedableRng;
+
     use super::*;
 
     #[test]
@@ -190,6 +198,19 @@ mod tests {
         assert_eq!(Options::parse("").unwrap().robot.name, "doggy");
     }
 
+    /// Any robot gets something hidden in it, drawn among what suits it.
+    #[test]
+    fn something_can_be_hidden_in_every_robot() {
+        for robot in Robot::builtin_names().map(|name| Robot::builtin(name).unwrap()) {
+            let mut drawn = std::collections::BTreeSet::new();
+            for seed in 0..200 {
+                let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
+                drawn.insert(EffectChoice::hide_one(&robot, &mut rng).unwrap().id);
+            }
+            assert!(drawn.len() > 20, "{}: {drawn:?}", robot.name);
+        }
+    }
+
     #[test]
     fn what_is_not_understood_is_named() {
         for (text, told) in [
@@ -201,6 +222,7 @@ mod tests {
             ("fault=stall-out=1", "stall-out=SECONDS@TIME"),
             ("pace=quick", "real or fast"),
             ("robot=dogy", "did you mean `doggy`"),
+            ("effect=base_baering=large", "did you mean `base_bearing`"),
         ] {
             let error = Options::parse(text).unwrap_err().to_string();
             assert!(error.contains(told), "{text}: {error}");

@@ -174,8 +174,7 @@ fn hide(options: &Options) -> Result<Vec<Hidden>, SimulateError> {
     }
     if let Some(seed) = options.hide {
         let mut rng = stream(seed, Purpose::Hide);
-        let choice = EffectChoice::drawn(&mut rng);
-        hidden.push(choice.effect.hide_in(robot, choice.size, &mut rng)?);
+        hidden.push(EffectChoice::hide_one(robot, &mut rng)?);
     }
     Ok(hidden)
 }

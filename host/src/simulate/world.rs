@@ -19,7 +19,7 @@ use super::encoder::EncoderChip;
 use super::noise::Noise;
 use super::plant::Plant;
 use super::{SimulateError, TICK_NS, TICK_S};
-use crate::robot::{InputUnit, Robot, Sensor};
+use crate::robot::{self, InputUnit, Robot, Sensor};
 
 /// A robot and what is soldered to it.
 #[derive(Debug)]
@@ -79,7 +79,7 @@ impl World {
         let range = gyro_range(robot)?;
         let clock = BoardClock::default();
         let mut world = Self {
-            plant,
+            plant: plant.held(),
             noise: Noise::new(seed),
             counter_starts: Vec::new(),
             gyros: (0..robot.gyros().count()).map(|gyro| GyroChip::new(gyro, &clock)).collect(),
@@ -126,8 +126,8 @@ impl World {
                 }
                 Reading::Gyro(i) => {
                     let sigma = self.gyro_sigmas[i];
-                    let rate = self.plant.gyro_rate(i).map(|rate| rate + self.noise.draw(sigma));
-                    self.gyros[i].sense(rate);
+                    let noise = [0.0; 3].map(|_: f64| self.noise.draw(sigma));
+                    self.gyros[i].sense(self.plant.gyro_reading(i, noise));
                 }
             }
         }
@@ -149,8 +149,10 @@ impl World {
         self.clear_counters();
     }
 
-    /// A motion begins: from here on the noise depends on nothing that was before.
+    /// A motion begins: the robot is let go, effects count their time from here, and the noise depends on nothing that
+    /// was before.
     pub fn begin_motion(&mut self) {
+        self.plant.begin_motion();
         self.noise.begin_motion();
     }
 
@@ -213,10 +215,11 @@ impl World {
 
     fn position(&self, encoder: usize) -> f64 {
         let EncoderInfo { joint, side, .. } = self.encoders[encoder].info;
-        match side {
-            Side::Motor => self.plant.motor_position(joint.into()),
-            Side::Link => self.plant.link_position(joint.into()),
-        }
+        let side = match side {
+            Side::Motor => robot::Side::Motor,
+            Side::Link => robot::Side::Link,
+        };
+        self.plant.encoder(side, joint.into())
     }
 
     /// The hardware counters start at zero wherever the joints stand.

@@ -11,7 +11,7 @@
 use super::vector::{
     self, IDENTITY, add, apply, apply_transposed, axes_with_z_along, constant, cross, product, transpose,
 };
-use super::{GravityLoad, JointKind, Matrix3, Robot, RobotError, Vector3};
+use super::{Body, GravityLoad, JointKind, Matrix3, Robot, RobotError, Vector3};
 
 mod derivative;
 mod dynamics;
@@ -71,19 +71,10 @@ impl Chain {
             let from_previous = product(&from_body, &product(&joint.rotation, &previous_to_body));
             let origin_m = apply_transposed(&previous_to_body, joint.origin_m);
             previous_to_body = to_body;
-            let body = &joint.body;
-            let centre = apply(&from_body, body.centre_m);
-            let about_centre = product(&from_body, &product(&body.inertia_kg_m2, &to_body));
-            Link {
-                kind: joint.kind,
-                from_previous,
-                origin_m,
-                to_body,
-                gravity: joint.gravity,
-                mass_kg: body.mass_kg,
-                first_moment: vector::scale(centre, body.mass_kg),
-                inertia: Symmetric::of(&about_centre).about_origin(body.mass_kg, centre),
-            }
+            let mut link =
+                Link { kind: joint.kind, from_previous, origin_m, gravity: joint.gravity, ..Link::massless(to_body) };
+            link.carry(&joint.body, 1.0);
+            link
         });
         Self { links: links.collect(), gravity_m_s2: robot.gravity_m_s2, coriolis: robot.coriolis }
     }
@@ -103,14 +94,9 @@ impl Chain {
         for (index, &axis) in axes.iter().enumerate() {
             let to_base = axes_with_z_along(axis);
             links.push(Link {
-                kind: JointKind::Revolute,
                 from_previous: product(&transpose(&to_base), &previous_to_base),
                 origin_m: if index == 0 { origin_m } else { [0.0; 3] },
-                to_body: to_base,
-                gravity: GravityLoad::Acts,
-                mass_kg: 0.0,
-                first_moment: [0.0; 3],
-                inertia: Symmetric { xx: 0.0, yy: 0.0, zz: 0.0, xy: 0.0, xz: 0.0, yz: 0.0 },
+                ..Link::massless(to_base)
             });
             previous_to_base = to_base;
         }
@@ -125,6 +111,36 @@ impl Chain {
             links = self.links.clone();
         }
         Ok(Self { links, gravity_m_s2: self.gravity_m_s2, coriolis: self.coriolis })
+    }
+
+    /// The same chain with its last body in two parts: `outer`, a part of it, moves on two or more passive revolute joints
+    /// about `axes` (unit vectors), all through the last joint's origin; both in the axes of the last body. Gravity acts
+    /// on them. Their positions come last in q.
+    ///
+    /// # Errors
+    /// [`RobotError::TooManyJoints`] beyond [`MAX_JOINTS`].
+    pub fn with_structure(&self, outer: &Body, axes: &[Vector3]) -> Result<Self, RobotError> {
+        let joints = self.links.len() + axes.len();
+        if joints > MAX_JOINTS {
+            return Err(RobotError::TooManyJoints { got: joints, max: MAX_JOINTS });
+        }
+        let mut chain = self.clone();
+        let Some(last) = chain.links.last_mut().filter(|_| !axes.is_empty()) else { return Ok(chain) };
+        last.carry(outer, -1.0);
+        let mut previous_to_body = last.to_body;
+        for &axis in axes {
+            let to_body = axes_with_z_along(axis);
+            chain.links.push(Link {
+                from_previous: product(&transpose(&to_body), &previous_to_body),
+                origin_m: [0.0; 3],
+                ..Link::massless(to_body)
+            });
+            previous_to_body = to_body;
+        }
+        if let Some(tip) = chain.links.last_mut() {
+            tip.carry(outer, 1.0);
+        }
+        Ok(chain)
     }
 
     /// Number of joints, passive ones included.
@@ -145,6 +161,37 @@ impl Chain {
 }
 
 impl Link {
+    /// A revolute link without a body, its origin in that of the previous one.
+    fn massless(to_body: Matrix3) -> Self {
+        Self {
+            kind: JointKind::Revolute,
+            from_previous: IDENTITY,
+            origin_m: [0.0; 3],
+            to_body,
+            gravity: GravityLoad::Acts,
+            mass_kg: 0.0,
+            first_moment: [0.0; 3],
+            inertia: Symmetric { xx: 0.0, yy: 0.0, zz: 0.0, xy: 0.0, xz: 0.0, yz: 0.0 },
+        }
+    }
+
+    /// Adds a body, given in body axes whose origin is the link's; with `sign` −1 takes it away.
+    fn carry(&mut self, body: &Body, sign: f64) {
+        let from_body = transpose(&self.to_body);
+        let centre = apply(&from_body, body.centre_m);
+        let about_centre = product(&from_body, &product(&body.inertia_kg_m2, &self.to_body));
+        let inertia = Symmetric::of(&about_centre).about_origin(body.mass_kg, centre);
+        self.mass_kg += sign * body.mass_kg;
+        self.first_moment = add(self.first_moment, vector::scale(centre, sign * body.mass_kg));
+        let own = &mut self.inertia;
+        own.xx += sign * inertia.xx;
+        own.yy += sign * inertia.yy;
+        own.zz += sign * inertia.zz;
+        own.xy += sign * inertia.xy;
+        own.xz += sign * inertia.xz;
+        own.yz += sign * inertia.yz;
+    }
+
     /// Sine and cosine of the turn that position `q` makes.
     #[inline(always)]
     fn turn<T: Arithmetic>(&self, q: T) -> (T, T) {

@@ -4,7 +4,7 @@ use num_dual::Dual64;
 use proptest::prelude::*;
 
 use crate::robot::chain::Chain;
-use crate::robot::{JointKind, Robot};
+use crate::robot::{Body, JointKind, Robot};
 
 /// A robot of `kinds` with skew axes, offsets and lopsided bodies.
 fn skew_robot(kinds: &[JointKind]) -> Robot {
@@ -44,6 +44,43 @@ fn mass_matrix(chain: &Chain, q: &[f64]) -> Vec<f64> {
     let mut m = vec![0.0; q.len() * q.len()];
     chain.mass_matrix(q, &mut m);
     m
+}
+
+/// A body parted in two: held still, the passive joints change nothing for the others; given free, the outer part
+/// moves as the same body on the same joints would, and gyros on it feel all speeds.
+#[test]
+fn a_parted_body_is_the_whole_body_while_its_joints_stand_still() {
+    let robot = skew_robot(&MIXED[..2]);
+    let whole = &robot.joints[1].body;
+    let outer = Body {
+        mass_kg: 0.4 * whole.mass_kg,
+        centre_m: whole.centre_m.map(|c| 1.3 * c),
+        inertia_kg_m2: whole.inertia_kg_m2.map(|row| row.map(|element| 0.3 * element)),
+    };
+    let axes = [[0.6, 0.8, 0.0], [0.0, 0.0, 1.0]];
+    let (chain, parted) = (robot.chain(), robot.chain().with_structure(&outer, &axes).unwrap());
+    let q = [0.4, -0.7];
+    let (before, after) = (mass_matrix(&chain, &q), mass_matrix(&parted, &[0.4, -0.7, 0.0, 0.0]));
+    for (i, j) in [(0, 0), (0, 1), (1, 1)] {
+        assert!((before[2 * i + j] - after[4 * i + j]).abs() < 1e-12, "{i} {j}");
+    }
+    // About the passive axes the outer part alone turns: its inertia about the common origin.
+    for (k, axis) in axes.iter().enumerate() {
+        let c = outer.centre_m;
+        let along: f64 = (0..3).map(|i| c[i] * axis[i]).sum();
+        let own: f64 = (0..9).map(|e| axis[e / 3] * outer.inertia_kg_m2[e / 3][e % 3] * axis[e % 3]).sum();
+        let about = own + outer.mass_kg * (c.iter().map(|c| c * c).sum::<f64>() - along * along);
+        assert!((after[4 * (2 + k) + 2 + k] - about).abs() < 1e-12, "axis {k}");
+    }
+    // Rates in the axes of the body: those of the whole body, and the passive speeds about their axes.
+    let (mut of_whole, mut of_parts) = ([[0.0; 3]; 2], [[0.0; 3]; 4]);
+    chain.body_rates(&q, &[1.0, -2.0], &mut of_whole);
+    parted.body_rates(&[0.4, -0.7, 0.0, 0.0], &[1.0, -2.0, 0.5, 0.25], &mut of_parts);
+    for i in 0..3 {
+        let expected = of_whole[1][i] + 0.5 * axes[0][i] + 0.25 * axes[1][i];
+        assert!((of_parts[3][i] - expected).abs() < 1e-12);
+    }
+    assert!(robot.chain().with_structure(&outer, &[[1.0, 0.0, 0.0]; 9]).is_err());
 }
 
 proptest! {

@@ -3,16 +3,10 @@
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
+use super::fast_duty;
 use crate::effect::{Effect, Size};
-use crate::robot::{Robot, Symbol};
+use crate::robot::{Robot, Side, Symbol};
 use crate::simulate::{Plant, STEP_S, Truth};
-
-/// A fast motion of every joint: steps and a chirp at nine tenths of full duty.
-fn duty(joint: usize, t: f64) -> f64 {
-    let step = if (t * 1.3 + 0.3 * joint as f64).sin() > 0.0 { 1.0 } else { -1.0 };
-    let chirp = (std::f64::consts::TAU * (1.4 + 0.8 * t) * t + joint as f64).sin();
-    (0.9 * if t % 2.0 < 1.0 { step } else { chirp } * 1e4).round() / 1e4
-}
 
 fn run(robot: &Robot, effect: Option<(&str, Size)>, step_s: f64, seconds: f64) -> Vec<[f64; 9]> {
     let mut rng = ChaCha8Rng::seed_from_u64(5);
@@ -23,11 +17,11 @@ fn run(robot: &Robot, effect: Option<(&str, Size)>, step_s: f64, seconds: f64) -
     let joints = robot.joints.len();
     (0..(seconds * 1e3) as usize)
         .map(|k| {
-            let u: Vec<f64> = (0..joints).map(|j| duty(j, k as f64 * 1e-3)).collect();
+            let u: Vec<f64> = (0..joints).map(|j| fast_duty(j, k as f64 * 1e-3)).collect();
             plant.advance(&u, 1e-3);
             let mut readings = [0.0; 9];
             for joint in 0..joints {
-                readings[joint] = plant.motor_position(joint);
+                readings[joint] = plant.encoder(Side::Motor, joint);
             }
             for gyro in 0..robot.gyros().count() {
                 readings[3 + 3 * gyro..][..3].copy_from_slice(&plant.gyro_rate(gyro));

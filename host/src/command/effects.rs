@@ -1,0 +1,45 @@
+//! `host effects`: the catalogue of what a robot may have beyond the base model.
+
+use std::fmt::Write as _;
+
+use super::{Exit, Failure, Ui};
+use crate::effect::{CATALOGUE, Effect};
+
+/// Print the catalogue of effects
+///
+/// What a robot may have beyond the base model: each effect's law, its parameters, and what else looks like it. Any of
+/// them can be put into a simulated robot: `host simulate --effect backlash=large`.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Only this effect, with what it is about
+    #[arg(value_name = "ID")]
+    id: Option<String>,
+    /// Print JSON: an array, or with an ID one object
+    #[arg(long)]
+    json: bool,
+}
+
+/// Prints to stdout.
+pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
+    let one = args.id.as_deref().map(Effect::by_id).transpose();
+    let one = one.map_err(|error| Failure::usage(error).advice("`host effects` prints all of them"))?;
+    let text = match (one, args.json) {
+        (Some(effect), true) => serde_json::to_string_pretty(effect).map_err(Failure::fault)? + "\n",
+        (None, true) => serde_json::to_string_pretty(&CATALOGUE[..]).map_err(Failure::fault)? + "\n",
+        (Some(effect), false) => format!("{}\n{}\n", entry(effect), effect.about),
+        (None, false) => CATALOGUE.into_iter().map(entry).collect::<Vec<_>>().join("\n"),
+    };
+    ui.print(&text)?;
+    Ok(Exit::Ok)
+}
+
+/// An effect as people read it.
+fn entry(effect: &Effect) -> String {
+    let mut text = format!("{:<21} {}\n    {}\n", effect.id, effect.title, effect.equation);
+    for parameter in effect.parameters {
+        // Writing into a String cannot fail.
+        let _ = writeln!(text, "    {:<13} {:<14} {}", parameter.name, parameter.unit, parameter.sizes);
+    }
+    let _ = writeln!(text, "    looks like    {}", effect.confounded_with.join(", "));
+    text
+}

@@ -1,0 +1,67 @@
+//! Asymmetric friction: turning one way costs more than turning the other way.
+//!
+//! ```text
+//! τ_f + Δμ |sgn θ̇| + Δv |θ̇|      that is, μ ± Δμ and v ± Δv by direction; sgn as smooth as in equation (12)
+//! ```
+//!
+//! Half differences. Δμ stays below μ, and Δv far below k_mi, so that all the drive does together still takes energy out.
+
+use rand::Rng;
+
+use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Size, draw};
+use crate::robot::{Robot, Symbol};
+
+pub(super) const EFFECT: Effect = Effect {
+    id: "asymmetric_friction",
+    title: "friction that differs by direction",
+    equation: "μ ± Δμ, v ± Δv by the sign of θ̇",
+    parameters: &[
+        EffectParameter { name: "dmu[i]", unit: "N m", sizes: "8, 23, 60 % of μ (5 to 70 met), either sign" },
+        EffectParameter { name: "dv[i]", unit: "N m s/rad", sizes: "0.4, 1.2, 3 % of k_mi, either sign" },
+    ],
+    confounded_with: &["torque_offset", "gravity_residual", "belt_slack_side"],
+    about: "Worm gears, brushes that lean, a seal with a lip. As long as the motor turns one way it is a constant torque; \
+            at rest and at reversals it is not.",
+    make,
+};
+
+/// Δμ, shares of μ.
+const SHARE_OF_MU: [f64; 3] = [0.08, 0.23, 0.60];
+/// Δv, shares of k_mi.
+const SHARE_OF_KMI: [f64; 3] = [0.004, 0.012, 0.03];
+
+#[derive(Debug)]
+struct AsymmetricFriction {
+    /// Δμ, N m.
+    dmu: Vec<f64>,
+    /// Δv, N m s/rad.
+    dv: Vec<f64>,
+}
+
+impl Physics for AsymmetricFriction {
+    fn friction_torque(&self, at: &Moment<'_>, torque: f64) -> f64 {
+        torque + self.dmu[at.joint] * at.friction_sign.abs() + self.dv[at.joint] * at.friction_speed.abs()
+    }
+}
+
+fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectError> {
+    let joints = draw::rubbing(robot);
+    if joints.is_empty() {
+        return Err(EffectError::Unsuited { effect: EFFECT.id, reason: "no turning joint has friction" });
+    }
+    let mut dmu = draw::per_joint(robot, &joints, size, SHARE_OF_MU, |j| draw::nominal(robot, Symbol::Mu, j), rng);
+    // An exact size is that of Δμ; Δv goes with it as medium with medium.
+    let k_mi = |joint| draw::nominal(robot, Symbol::KMi, joint);
+    let mut dv = draw::per_joint(robot, &joints, size, SHARE_OF_KMI, k_mi, rng);
+    if let Size::Exact(exact) = size {
+        for &joint in &joints {
+            let times_medium = exact / (SHARE_OF_MU[1] * draw::nominal(robot, Symbol::Mu, joint));
+            dv[joint] = times_medium * SHARE_OF_KMI[1] * k_mi(joint);
+        }
+    }
+    draw::either_sign(&mut dmu, size, rng);
+    draw::either_sign(&mut dv, size, rng);
+    let mut values: Vec<_> = draw::of_joints(EFFECT.id, "dmu", "N m", &joints, &dmu).collect();
+    values.extend(draw::of_joints(EFFECT.id, "dv", "N m s/rad", &joints, &dv));
+    Ok(Hidden { id: EFFECT.id, values, physics: Box::new(AsymmetricFriction { dmu, dv }) })
+}

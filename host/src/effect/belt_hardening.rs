@@ -1,0 +1,56 @@
+//! Stiffening belt: the spring gets stiffer the more it is wound.
+//!
+//! ```text
+//! τ_c + k₃ (q − θ)³
+//! ```
+
+use rand::Rng;
+
+use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Size, draw};
+use crate::robot::{Robot, Symbol};
+
+pub(super) const EFFECT: Effect = Effect {
+    id: "belt_hardening",
+    title: "belt that stiffens",
+    equation: "τ_c + k₃ (q − θ)³",
+    parameters: &[EffectParameter {
+        name: "k3[i]",
+        unit: "N m/rad^3",
+        sizes: "10, 30, 90 % of k_s at a windup of 0.1 rad (10 to 100 met): 4000 to 36000 where k_s is 400",
+    }],
+    confounded_with: &["backlash", "load_friction", "k_s"],
+    about: "Fibres of a belt straighten, rubber is compressed: the last tenth of a degree costs more torque than the \
+            first. Free play stiffens as well, but all at once and at a small windup.",
+    make,
+};
+
+/// k₃ (0.1 rad)² as a share of k_s.
+const SHARE: [f64; 3] = [0.1, 0.3, 0.87];
+/// Where the shares are meant, rad.
+const WINDUP_RAD: f64 = 0.1;
+
+#[derive(Debug)]
+struct BeltHardening {
+    /// k₃, N m/rad³.
+    k3: Vec<f64>,
+}
+
+impl Physics for BeltHardening {
+    fn transmission_torque(&self, at: &Moment<'_>, torque: f64) -> f64 {
+        torque + self.k3[at.joint] * at.wind().powi(3)
+    }
+}
+
+fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectError> {
+    let joints = draw::elastic(robot);
+    if joints.is_empty() {
+        return Err(EffectError::Unsuited {
+            effect: EFFECT.id,
+            reason: "no joint turns through an elastic transmission",
+        });
+    }
+    let unit = |joint| draw::nominal(robot, Symbol::KS, joint) / WINDUP_RAD.powi(2);
+    let k3 = draw::per_joint(robot, &joints, size, SHARE, unit, rng);
+    let values = draw::of_joints(EFFECT.id, "k3", "N m/rad^3", &joints, &k3).collect();
+    Ok(Hidden { id: EFFECT.id, values, physics: Box::new(BeltHardening { k3 }) })
+}

@@ -1,0 +1,72 @@
+//! Viscoelastic belt: a Maxwell branch beside the spring and damper.
+//!
+//! ```text
+//!          ┌── k_s ──────────────┐
+//! motor ───┼── d_s ──────────────┼─── link        τ_c + f,   ḟ = k₁ (q̇ − θ̇) − f/τ
+//!          └── k₁ ── damper k₁τ ─┘
+//! ```
+
+use rand::{Rng, RngExt};
+
+use super::{Effect, EffectError, EffectParameter, Hidden, Line, Moment, Physics, Size, draw};
+use crate::robot::{Robot, Symbol};
+
+pub(super) const EFFECT: Effect = Effect {
+    id: "belt_hysteresis",
+    title: "viscoelastic belt",
+    equation: "τ_c + f, ḟ = k₁ (q̇ − θ̇) − f/τ",
+    parameters: &[
+        EffectParameter { name: "k1[i]", unit: "N m/rad", sizes: "12, 24, 43 % of k_s (10 to 50 met)" },
+        EffectParameter { name: "tau[i]", unit: "s", sizes: "6 to 80 ms (5 to 100 met)" },
+    ],
+    confounded_with: &["d_s", "k_s", "electrical_lag"],
+    about: "Polymers relax: wound up quickly a belt is stiffer than wound up slowly, and it gives back less than it took. \
+            Slower than τ the branch is soft, faster it is one more spring, between the two it damps.",
+    make,
+};
+
+/// Shares of k_s.
+const SHARE: [f64; 3] = [0.12, 0.24, 0.43];
+/// Relaxation time, s; drawn evenly on a logarithmic scale.
+const RELAXATION_S: std::ops::Range<f64> = 6e-3..80e-3;
+
+/// One state a joint: the branch's torque.
+#[derive(Debug)]
+struct BeltHysteresis {
+    /// k₁, N m/rad; zero where there is no belt.
+    k1: Vec<f64>,
+    /// τ, s.
+    relaxation_s: Vec<f64>,
+}
+
+impl Physics for BeltHysteresis {
+    fn states(&self) -> usize {
+        self.k1.len()
+    }
+
+    fn state_rates(&self, own: &[f64], line: &Line<'_>, out: &mut [f64]) {
+        for (joint, at) in line.joints.iter().enumerate() {
+            out[joint] = self.k1[joint] * at.wind_rate() - own[joint] / self.relaxation_s[joint];
+        }
+    }
+
+    fn transmission_torque(&self, at: &Moment<'_>, torque: f64) -> f64 {
+        torque + at.own[at.joint]
+    }
+}
+
+fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectError> {
+    let joints = draw::elastic(robot);
+    if joints.is_empty() {
+        return Err(EffectError::Unsuited {
+            effect: EFFECT.id,
+            reason: "no joint turns through an elastic transmission",
+        });
+    }
+    let k1 = draw::per_joint(robot, &joints, size, SHARE, |j| draw::nominal(robot, Symbol::KS, j), rng);
+    let logarithms = RELAXATION_S.start.ln()..RELAXATION_S.end.ln();
+    let relaxation_s: Vec<f64> = k1.iter().map(|_| rng.random_range(logarithms.clone()).exp()).collect();
+    let mut values: Vec<_> = draw::of_joints(EFFECT.id, "k1", "N m/rad", &joints, &k1).collect();
+    values.extend(draw::of_joints(EFFECT.id, "tau", "s", &joints, &relaxation_s));
+    Ok(Hidden { id: EFFECT.id, values, physics: Box::new(BeltHysteresis { k1, relaxation_s }) })
+}

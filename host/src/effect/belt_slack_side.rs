@@ -1,0 +1,49 @@
+//! Slack side: the belt's two strands are not equally stiff.
+//!
+//! ```text
+//! τ_c = k_s (1 + r sgn(q − θ)) (q − θ) + d_s (q̇ − θ̇)
+//! ```
+
+use rand::Rng;
+
+use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Size, draw};
+use crate::robot::Robot;
+
+pub(super) const EFFECT: Effect = Effect {
+    id: "belt_slack_side",
+    title: "belt stiffness that differs by direction",
+    equation: "k_s (1 ± r) (q − θ)",
+    parameters: &[EffectParameter { name: "r[i]", unit: "1", sizes: "6, 13, 26 % (5 to 30 met), either sign" }],
+    confounded_with: &["asymmetric_friction", "belt_hardening"],
+    about: "One strand of a belt is longer than the other, or its tensioner sits on one side: pulling one way meets a \
+            stiffer spring than pulling the other way.",
+    make,
+};
+
+const RATIO: [f64; 3] = [0.06, 0.13, 0.26];
+
+#[derive(Debug)]
+struct BeltSlackSide {
+    /// r of every joint.
+    ratio: Vec<f64>,
+}
+
+impl Physics for BeltSlackSide {
+    fn transmission_torque(&self, at: &Moment<'_>, torque: f64) -> f64 {
+        torque + self.ratio[at.joint] * at.k_s * at.wind().abs()
+    }
+}
+
+fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectError> {
+    let joints = draw::elastic(robot);
+    if joints.is_empty() {
+        return Err(EffectError::Unsuited {
+            effect: EFFECT.id,
+            reason: "no joint turns through an elastic transmission",
+        });
+    }
+    let mut ratio = draw::per_joint(robot, &joints, size, RATIO, |_| 1.0, rng);
+    draw::either_sign(&mut ratio, size, rng);
+    let values = draw::of_joints(EFFECT.id, "r", "1", &joints, &ratio).collect();
+    Ok(Hidden { id: EFFECT.id, values, physics: Box::new(BeltSlackSide { ratio }) })
+}

@@ -1,0 +1,53 @@
+//! Cable spring: a cable harness or a costume pulls the link back.
+//!
+//! ```text
+//! M q̈ = −τ_c − k_c q
+//! ```
+
+use rand::Rng;
+
+use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Size, draw};
+use crate::robot::{Robot, Symbol};
+
+pub(super) const EFFECT: Effect = Effect {
+    id: "cable_spring",
+    title: "spring of cables or costume",
+    equation: "k_c q on the link's row",
+    parameters: &[EffectParameter {
+        name: "k_c[i]",
+        unit: "N m/rad",
+        sizes: "0.6, 1.6, 4.4 where k_s is 400 (0.5 to 5 met)",
+    }],
+    confounded_with: &["gravity_residual"],
+    about: "Cables that cross a joint are bent by it and push back, a costume is stretched. The robot is drawn to its \
+            middle pose, on joints that feel no gravity as well.",
+    make,
+};
+
+/// Shares of k_s.
+const SHARE: [f64; 3] = [0.0015, 0.004, 0.011];
+
+#[derive(Debug)]
+struct CableSpring {
+    /// k_c, N m/rad.
+    k_c: Vec<f64>,
+}
+
+impl Physics for CableSpring {
+    fn link_load(&self, at: &Moment<'_>, load: f64) -> f64 {
+        load + self.k_c[at.joint] * at.q
+    }
+}
+
+fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectError> {
+    let joints = draw::elastic(robot);
+    if joints.is_empty() {
+        return Err(EffectError::Unsuited {
+            effect: EFFECT.id,
+            reason: "no joint turns through an elastic transmission",
+        });
+    }
+    let k_c = draw::per_joint(robot, &joints, size, SHARE, |j| draw::nominal(robot, Symbol::KS, j), rng);
+    let values = draw::of_joints(EFFECT.id, "k_c", "N m/rad", &joints, &k_c).collect();
+    Ok(Hidden { id: EFFECT.id, values, physics: Box::new(CableSpring { k_c }) })
+}

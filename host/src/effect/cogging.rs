@@ -1,0 +1,62 @@
+//! Cogging: the torque ripples with the motor's turn.
+//!
+//! ```text
+//! τ_m + A_i sin(p n_G θ_i + φ_i)      p periods a turn of the motor, n_G the gear
+//! ```
+
+use rand::{Rng, RngExt};
+
+use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Size, draw};
+use crate::robot::Robot;
+
+pub(super) const EFFECT: Effect = Effect {
+    id: "cogging",
+    title: "torque ripple of the motors",
+    equation: "τ_m + A sin(p n_G θ + φ)",
+    parameters: &[
+        EffectParameter { name: "A[i]", unit: "N m", sizes: "0.12, 0.5, 1.7 N m (0.1 to 2 met)" },
+        EffectParameter { name: "p", unit: "1", sizes: "a whole number, 1 to 14" },
+        EffectParameter { name: "phi[i]", unit: "rad", sizes: "anywhere" },
+    ],
+    confounded_with: &["position_friction", "encoder_eccentricity"],
+    about: "Magnets lock to teeth, commutators switch: the torque ripples some times a turn of the motor. In slow motion \
+            the ripple can be followed; at speed it is faster than the sampling and folds back to other frequencies.",
+    make,
+};
+
+/// Amplitude, shares of the torque at full voltage.
+const AMPLITUDE: [f64; 3] = [0.0008, 0.0033, 0.0115];
+/// Periods a turn of the motor.
+const PERIODS: std::ops::RangeInclusive<u8> = 1..=14;
+
+#[derive(Debug)]
+struct Cogging {
+    /// A, N m.
+    amplitude: Vec<f64>,
+    /// p n_G, periods a turn of the link.
+    per_turn: Vec<f64>,
+    /// φ, rad.
+    phase: Vec<f64>,
+}
+
+impl Physics for Cogging {
+    fn motor_torque(&self, at: &Moment<'_>, torque: f64) -> f64 {
+        torque + self.amplitude[at.joint] * (self.per_turn[at.joint] * at.theta + self.phase[at.joint]).sin()
+    }
+}
+
+fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectError> {
+    let mut joints = draw::turning(robot);
+    joints.retain(|joint| draw::full_torque(robot, *joint) > 0.0);
+    if joints.is_empty() {
+        return Err(EffectError::Unsuited { effect: EFFECT.id, reason: "no joint is turned by a voltage" });
+    }
+    let amplitude = draw::per_joint(robot, &joints, size, AMPLITUDE, |j| draw::full_torque(robot, j), rng);
+    let periods = f64::from(rng.random_range(PERIODS));
+    let phase = draw::phases(robot, rng);
+    let mut values: Vec<_> = draw::of_joints(EFFECT.id, "A", "N m", &joints, &amplitude).collect();
+    values.push(draw::single(EFFECT.id, "p", "1", periods));
+    values.extend(draw::of_joints(EFFECT.id, "phi", "rad", &joints, &phase));
+    let per_turn = robot.joints.iter().map(|joint| periods * joint.gear).collect();
+    Ok(Hidden { id: EFFECT.id, values, physics: Box::new(Cogging { amplitude, per_turn, phase }) })
+}

@@ -1,0 +1,46 @@
+//! Current limit: the driver cuts the current, and with it the torque.
+//!
+//! ```text
+//! τ_m = clip(k_pwm U u − k_mi θ̇, ±T)      one T for all motors
+//! ```
+
+use rand::Rng;
+
+use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Size, draw};
+use crate::robot::Robot;
+
+pub(super) const EFFECT: Effect = Effect {
+    id: "current_limit",
+    title: "the motors' torque saturates",
+    equation: "clip(τ_m, ±T)",
+    parameters: &[EffectParameter { name: "T", unit: "N m", sizes: "120, 90, 65 N m (60 to 130 met)" }],
+    confounded_with: &["voltage_sag", "k_pwm"],
+    about: "Drivers protect themselves and the motor by a ceiling on the current. It acts where a motor starts or turns \
+            round at full duty, and nowhere else; a sagging supply gives way everywhere in proportion.",
+    make,
+};
+
+/// Shares of the torque at full voltage and standstill. The stronger the effect, the lower the ceiling.
+const CEILING: [f64; 3] = [0.80, 0.60, 0.43];
+
+#[derive(Debug)]
+struct CurrentLimit {
+    /// T, N m.
+    ceiling: f64,
+}
+
+impl Physics for CurrentLimit {
+    fn motor_torque(&self, _at: &Moment<'_>, torque: f64) -> f64 {
+        torque.clamp(-self.ceiling, self.ceiling)
+    }
+}
+
+fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectError> {
+    let full = (0..robot.joints.len()).map(|joint| draw::full_torque(robot, joint)).fold(0.0, f64::max);
+    if full == 0.0 {
+        return Err(EffectError::Unsuited { effect: EFFECT.id, reason: "no motor is driven by a voltage" });
+    }
+    let ceiling = size.draw(CEILING.map(|share| share * full), rng);
+    let values = vec![draw::single(EFFECT.id, "T", "N m", ceiling)];
+    Ok(Hidden { id: EFFECT.id, values, physics: Box::new(CurrentLimit { ceiling }) })
+}

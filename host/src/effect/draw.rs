@@ -1,0 +1,120 @@
+//! Sizes for plants: which joints an effect acts on, what its numbers are there, and their names.
+//!
+//! Named sizes are shares of what the robot has (its friction, its stiffness, its motors' torque), so that they mean the
+//! same on robots of any size; the catalogue quotes what that is on Doggy.
+
+use std::f64::consts::PI;
+
+use rand::{Rng, RngExt};
+
+use super::{EffectError, Size, TrueValue};
+use crate::robot::{JointKind, Robot, Symbol, Transmission, Vector3};
+
+/// Joints that turn.
+pub(super) fn turning(robot: &Robot) -> Vec<usize> {
+    (0..robot.joints.len()).filter(|joint| robot.joints[*joint].kind == JointKind::Revolute).collect()
+}
+
+/// Joints that turn through an elastic transmission.
+pub(super) fn elastic(robot: &Robot) -> Vec<usize> {
+    let mut joints = turning(robot);
+    joints.retain(|joint| robot.joints[*joint].transmission == Transmission::Elastic);
+    joints
+}
+
+/// Joints that turn and have friction.
+pub(super) fn rubbing(robot: &Robot) -> Vec<usize> {
+    let mut joints = turning(robot);
+    joints.retain(|joint| nominal(robot, Symbol::Mu, *joint) > 0.0);
+    joints
+}
+
+/// What a parameter is on the average simulated robot of this description; zero if it has none.
+pub(super) fn nominal(robot: &Robot, symbol: Symbol, joint: usize) -> f64 {
+    robot.joint_parameter(symbol, joint).map_or(0.0, |spec| spec.value.simulated)
+}
+
+/// Torque of a motor at full voltage, N m; zero if the description does not say.
+pub(super) fn full_torque(robot: &Robot, joint: usize) -> f64 {
+    nominal(robot, Symbol::KPwm, joint) * robot.input.scale
+}
+
+/// One value for every joint of the robot: drawn on `joints`, where `unit` is the scale of the shares; zero elsewhere.
+pub(super) fn per_joint(
+    robot: &Robot,
+    joints: &[usize],
+    size: Size,
+    shares: [f64; 3],
+    unit: impl Fn(usize) -> f64,
+    rng: &mut dyn Rng,
+) -> Vec<f64> {
+    let mut values = vec![0.0; robot.joints.len()];
+    for &joint in joints {
+        values[joint] = size.draw(shares.map(|share| share * unit(joint)), rng);
+    }
+    values
+}
+
+/// The shortest time constant of a first-order lag that a plant's step can follow, s.
+const LEAST_LAG_S: f64 = 1e-4;
+
+/// The time constant of a first-order lag, s.
+pub(super) fn lag(
+    effect: &'static str,
+    size: Size,
+    nominal_s: [f64; 3],
+    rng: &mut dyn Rng,
+) -> Result<f64, EffectError> {
+    let time_constant_s = size.draw(nominal_s, rng);
+    if time_constant_s < LEAST_LAG_S {
+        return Err(EffectError::TooShort { effect, time_constant_s, least_s: LEAST_LAG_S });
+    }
+    Ok(time_constant_s)
+}
+
+/// Turns the sign of each value by a coin. An exact size is meant as it was given.
+pub(super) fn either_sign(values: &mut [f64], size: Size, rng: &mut dyn Rng) {
+    if !matches!(size, Size::Exact(_)) {
+        for value in values {
+            if rng.random() {
+                *value = -*value;
+            }
+        }
+    }
+}
+
+/// One angle a joint, anywhere on the circle.
+pub(super) fn phases(robot: &Robot, rng: &mut dyn Rng) -> Vec<f64> {
+    robot.joints.iter().map(|_| rng.random_range(-PI..PI)).collect()
+}
+
+/// The truth about a value that joints have each for themselves.
+pub(super) fn of_joints<'a>(
+    id: &'static str,
+    symbol: &'a str,
+    unit: &'static str,
+    joints: &'a [usize],
+    values: &'a [f64],
+) -> impl Iterator<Item = TrueValue> + 'a {
+    joints.iter().map(move |joint| TrueValue {
+        name: format!("{id}.{symbol}[{}]", joint + 1),
+        unit,
+        value: values[*joint],
+    })
+}
+
+/// The truth about a value that gyros have on each axis.
+pub(super) fn of_gyro_axes(id: &'static str, symbol: &str, unit: &'static str, values: &[Vector3]) -> Vec<TrueValue> {
+    let axes = values.iter().enumerate().flat_map(|(gyro, v)| (0..3).map(move |axis| (gyro, axis, v[axis])));
+    axes.map(|(gyro, axis, value)| TrueValue {
+        name: format!("{id}.{symbol}[{}.{}]", gyro + 1, ["x", "y", "z"][axis]),
+        unit,
+        value,
+    })
+    .collect()
+}
+
+/// The truth about a value that there is once.
+pub(super) fn single(id: &'static str, symbol: &str, unit: &'static str, value: f64) -> TrueValue {
+    TrueValue { name: format!("{id}.{symbol}"), unit, value }
+}

@@ -1,0 +1,58 @@
+//! Encoder eccentricity: the disc sits beside the shaft's centre.
+//!
+//! ```text
+//! reading = θ + e sin(θ + φ)      once a turn of the joint; motor encoders, on the link side of the gear
+//! ```
+
+use rand::Rng;
+
+use super::{Effect, EffectError, EffectParameter, Hidden, Past, Physics, Size, draw};
+use crate::robot::{Robot, Sensor, Side};
+
+pub(super) const EFFECT: Effect = Effect {
+    id: "encoder_eccentricity",
+    title: "once-per-turn error of the encoders",
+    equation: "θ + e sin(θ + φ)",
+    parameters: &[
+        EffectParameter { name: "e[i]", unit: "rad", sizes: "0.25, 0.7, 1.7 mrad (0.2 to 2 met)" },
+        EffectParameter { name: "phi[i]", unit: "rad", sizes: "anywhere" },
+    ],
+    confounded_with: &["cogging", "gyro_scale", "belt_tooth_skip"],
+    about: "A disc that is not centred, or a pulley that is not round, makes the encoder run ahead on one half of the turn \
+            and behind on the other. The gyros do not take part.",
+    make,
+};
+
+const ERROR_RAD: [f64; 3] = [0.25e-3, 0.7e-3, 1.7e-3];
+
+#[derive(Debug)]
+struct EncoderEccentricity {
+    /// e, rad; zero where there is no motor encoder.
+    error: Vec<f64>,
+    /// φ, rad.
+    phase: Vec<f64>,
+}
+
+impl Physics for EncoderEccentricity {
+    fn encoder(&self, side: Side, joint: usize, _past: &Past, _now: f64, reading: f64) -> f64 {
+        match side {
+            Side::Motor => reading + self.error[joint] * (reading + self.phase[joint]).sin(),
+            Side::Link => reading,
+        }
+    }
+}
+
+fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectError> {
+    let has_encoder =
+        |joint| robot.sensors.iter().any(|sensor| matches!(sensor, Sensor::MotorEncoder(e) if e.joint == joint));
+    let mut joints = draw::turning(robot);
+    joints.retain(|joint| has_encoder(*joint));
+    if joints.is_empty() {
+        return Err(EffectError::Unsuited { effect: EFFECT.id, reason: "no turning joint has a motor encoder" });
+    }
+    let error = draw::per_joint(robot, &joints, size, ERROR_RAD, |_| 1.0, rng);
+    let phase = draw::phases(robot, rng);
+    let mut values: Vec<_> = draw::of_joints(EFFECT.id, "e", "rad", &joints, &error).collect();
+    values.extend(draw::of_joints(EFFECT.id, "phi", "rad", &joints, &phase));
+    Ok(Hidden { id: EFFECT.id, values, physics: Box::new(EncoderEccentricity { error, phase }) })
+}

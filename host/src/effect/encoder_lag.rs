@@ -1,0 +1,59 @@
+//! Encoder lag: one encoder reads late.
+//!
+//! ```text
+//! reading(t) = θ(t − T), or q(t − T) where the encoder sits on the link      true dead time, on one joint
+//! ```
+
+use rand::{Rng, RngExt};
+
+use super::{Effect, EffectError, EffectParameter, Hidden, Past, Physics, Size, draw};
+use crate::robot::{Robot, Sensor, Side};
+
+pub(super) const EFFECT: Effect = Effect {
+    id: "encoder_lag",
+    title: "an encoder that reads late",
+    equation: "θ(t − T), or q(t − T) on the link",
+    parameters: &[EffectParameter { name: "T[i]", unit: "s", sizes: "0.4, 1.3, 4.3 ms (0.3 to 5 met), on one joint" }],
+    confounded_with: &["d_s", "k_s", "gyro_lag", "input_delay"],
+    about: "An encoder on a bus, or one whose driver filters, tells where the joint was some milliseconds ago. Against \
+            the gyros its motor lags, which a softer belt or a weaker damper does as well.",
+    make,
+};
+
+const DEAD_TIME_S: [f64; 3] = [0.4e-3, 1.3e-3, 4.3e-3];
+
+#[derive(Debug)]
+struct EncoderLag {
+    joint: usize,
+    side: Side,
+    dead_time_s: f64,
+}
+
+impl Physics for EncoderLag {
+    fn memory_s(&self) -> f64 {
+        self.dead_time_s
+    }
+
+    fn encoder(&self, side: Side, joint: usize, past: &Past, now: f64, reading: f64) -> f64 {
+        if (side, joint) != (self.side, self.joint) {
+            return reading;
+        }
+        past.position(side, joint, self.dead_time_s, now)
+    }
+}
+
+fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectError> {
+    let encoders = robot.sensors.iter().filter_map(|sensor| match sensor {
+        Sensor::MotorEncoder(encoder) => Some((Side::Motor, encoder.joint)),
+        Sensor::LinkEncoder(encoder) => Some((Side::Link, encoder.joint)),
+        _ => None,
+    });
+    let encoders: Vec<_> = encoders.collect();
+    if encoders.is_empty() {
+        return Err(EffectError::Unsuited { effect: EFFECT.id, reason: "the robot has no encoder" });
+    }
+    let (side, joint) = encoders[rng.random_range(0..encoders.len())];
+    let dead_time_s = size.draw(DEAD_TIME_S, rng);
+    let values = vec![draw::single(EFFECT.id, &format!("T[{}]", joint + 1), "s", dead_time_s)];
+    Ok(Hidden { id: EFFECT.id, values, physics: Box::new(EncoderLag { joint, side, dead_time_s }) })
+}

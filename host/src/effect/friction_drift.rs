@@ -1,0 +1,53 @@
+//! Friction drift: a cold robot warms up.
+//!
+//! ```text
+//! μ (1 + a e^(−t/T)) sgn θ̇      t from the start of the motion
+//! ```
+
+use rand::{Rng, RngExt};
+
+use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Size, draw};
+use crate::robot::Robot;
+
+pub(super) const EFFECT: Effect = Effect {
+    id: "friction_drift",
+    title: "friction falls as the robot warms up",
+    equation: "μ (1 + a e^(−t/T)) sgn θ̇",
+    parameters: &[
+        EffectParameter { name: "a[i]", unit: "1", sizes: "12, 22, 35 % (10 to 40 met)" },
+        EffectParameter { name: "T", unit: "s", sizes: "20 to 60 s" },
+    ],
+    confounded_with: &["mu", "gyro_bias_drift"],
+    about: "Cold grease is stiff. Over the first minute the friction falls towards what it is in a warm robot, the μ of \
+            the base model. A motion that does the same thing early and late shows it.",
+    make,
+};
+
+const RATIO: [f64; 3] = [0.12, 0.22, 0.35];
+const TIME_CONSTANT_S: std::ops::Range<f64> = 20.0..60.0;
+
+#[derive(Debug)]
+struct FrictionDrift {
+    /// a of every joint.
+    ratio: Vec<f64>,
+    /// T, s.
+    time_constant_s: f64,
+}
+
+impl Physics for FrictionDrift {
+    fn friction_torque(&self, at: &Moment<'_>, torque: f64) -> f64 {
+        torque + at.coulomb() * self.ratio[at.joint] * (-at.time_s / self.time_constant_s).exp()
+    }
+}
+
+fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectError> {
+    let joints = draw::rubbing(robot);
+    if joints.is_empty() {
+        return Err(EffectError::Unsuited { effect: EFFECT.id, reason: "no turning joint has friction" });
+    }
+    let ratio = draw::per_joint(robot, &joints, size, RATIO, |_| 1.0, rng);
+    let time_constant_s = rng.random_range(TIME_CONSTANT_S);
+    let mut values: Vec<_> = draw::of_joints(EFFECT.id, "a", "1", &joints, &ratio).collect();
+    values.push(draw::single(EFFECT.id, "T", "s", time_constant_s));
+    Ok(Hidden { id: EFFECT.id, values, physics: Box::new(FrictionDrift { ratio, time_constant_s }) })
+}

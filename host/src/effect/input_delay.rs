@@ -1,0 +1,46 @@
+//! Input delay: the command reaches the motor late.
+//!
+//! ```text
+//! u_motor(t) = u(t − T)      true dead time, one T for all motors
+//! ```
+//!
+//! The plant remembers the commanded inputs; a step in which the late input changes gets both in their shares.
+
+use rand::Rng;
+
+use super::{Effect, EffectError, EffectParameter, Hidden, Past, Physics, Size, draw};
+use crate::robot::Robot;
+
+pub(super) const EFFECT: Effect = Effect {
+    id: "input_delay",
+    title: "the command reaches the motor late",
+    equation: "u(t − T)",
+    parameters: &[EffectParameter { name: "T", unit: "s", sizes: "0.6, 1.8, 4.3 ms (0.5 to 5 met)" }],
+    confounded_with: &["electrical_lag", "encoder_lag", "gyro_lag", "integrator_error"],
+    about: "A driver on a bus, a filtered PWM input or a second processor takes the command over only after some time. \
+            Only the time between command and answer shows: sensors that all read late by as much look the same.",
+    make,
+};
+
+const DEAD_TIME_S: [f64; 3] = [0.6e-3, 1.8e-3, 4.3e-3];
+
+#[derive(Debug)]
+struct InputDelay {
+    dead_time_s: f64,
+}
+
+impl Physics for InputDelay {
+    fn memory_s(&self) -> f64 {
+        self.dead_time_s
+    }
+
+    fn duty(&self, joint: usize, past: &Past, _duty: f64) -> f64 {
+        past.input(joint, self.dead_time_s)
+    }
+}
+
+fn make(_robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectError> {
+    let dead_time_s = size.draw(DEAD_TIME_S, rng);
+    let values = vec![draw::single(EFFECT.id, "T", "s", dead_time_s)];
+    Ok(Hidden { id: EFFECT.id, values, physics: Box::new(InputDelay { dead_time_s }) })
+}

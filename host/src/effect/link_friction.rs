@@ -1,0 +1,67 @@
+//! Friction on the link's side: bearings behind the belt.
+//!
+//! ```text
+//! M q̈ = −τ_c − μ_l sgn q̇ − v_l q̇      sgn as smooth as in equation (12), κ = 400 s/rad
+//! ```
+
+use rand::Rng;
+
+use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Size, draw};
+use crate::robot::{Robot, Symbol};
+
+pub(super) const EFFECT: Effect = Effect {
+    id: "link_friction",
+    title: "friction on the link's side",
+    equation: "μ_l sgn q̇ + v_l q̇ on the link's row",
+    parameters: &[
+        EffectParameter { name: "mu_l[i]", unit: "N m", sizes: "0.12, 0.4, 1.3 N m (0.1 to 1.6 met)" },
+        EffectParameter { name: "v_l[i]", unit: "N m s/rad", sizes: "0.12, 0.4, 1.3 N m s/rad (0.1 to 1.6 met)" },
+    ],
+    confounded_with: &["mu", "d_s", "quadratic_drag"],
+    about: "The link turns in bearings of its own, behind the spring. In slow motion the motor feels them through the \
+            belt as its own friction; when the belt swings, only the link's part damps the link.",
+    make,
+};
+
+/// μ_l, shares of the torque at full voltage.
+const SHARE_OF_TORQUE: [f64; 3] = [0.0008, 0.0027, 0.0085];
+/// v_l, shares of k_mi.
+const SHARE_OF_KMI: [f64; 3] = [0.004, 0.013, 0.041];
+/// κ, s/rad.
+const SLOPE_S: f64 = 400.0;
+
+#[derive(Debug)]
+struct LinkFriction {
+    /// μ_l, N m.
+    mu: Vec<f64>,
+    /// v_l, N m s/rad.
+    v: Vec<f64>,
+}
+
+impl Physics for LinkFriction {
+    fn link_load(&self, at: &Moment<'_>, load: f64) -> f64 {
+        load + self.mu[at.joint] * (0.5 * SLOPE_S * at.qd).tanh() + self.v[at.joint] * at.qd
+    }
+}
+
+fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectError> {
+    let mut joints = draw::elastic(robot);
+    joints.retain(|joint| draw::full_torque(robot, *joint) > 0.0);
+    if joints.is_empty() {
+        let reason = "no joint is turned by a voltage through an elastic transmission";
+        return Err(EffectError::Unsuited { effect: EFFECT.id, reason });
+    }
+    let mu = draw::per_joint(robot, &joints, size, SHARE_OF_TORQUE, |j| draw::full_torque(robot, j), rng);
+    // An exact size is that of μ_l; v_l goes with it as medium with medium.
+    let k_mi = |joint| draw::nominal(robot, Symbol::KMi, joint);
+    let mut v = draw::per_joint(robot, &joints, size, SHARE_OF_KMI, k_mi, rng);
+    if let Size::Exact(exact) = size {
+        for &joint in &joints {
+            let times_medium = exact / (SHARE_OF_TORQUE[1] * draw::full_torque(robot, joint));
+            v[joint] = times_medium * SHARE_OF_KMI[1] * k_mi(joint);
+        }
+    }
+    let mut values: Vec<_> = draw::of_joints(EFFECT.id, "mu_l", "N m", &joints, &mu).collect();
+    values.extend(draw::of_joints(EFFECT.id, "v_l", "N m s/rad", &joints, &v));
+    Ok(Hidden { id: EFFECT.id, values, physics: Box::new(LinkFriction { mu, v }) })
+}

@@ -1,0 +1,51 @@
+//! Load-dependent friction: bearings and gears rub more the more they carry.
+//!
+//! ```text
+//! μ (1 + a |τ_c|) sgn θ̇
+//! ```
+
+use rand::Rng;
+
+use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Size, draw};
+use crate::robot::{Robot, Symbol};
+
+pub(super) const EFFECT: Effect = Effect {
+    id: "load_friction",
+    title: "friction that grows with the load",
+    equation: "μ (1 + a |τ_c|) sgn θ̇",
+    parameters: &[EffectParameter { name: "a[i]", unit: "1/(N m)", sizes: "0.6, 1.6, 4.3 % per N m (0.5 to 5 met)" }],
+    confounded_with: &["k_pwm", "d_s", "belt_hardening"],
+    about: "The torque that a belt carries also presses its pulleys into their bearings. An efficiency below one is this \
+            effect; at constant acceleration it looks like a weaker motor.",
+    make,
+};
+
+/// a times the torque of a windup of 0.1 rad.
+const SHARE: [f64; 3] = [0.24, 0.65, 1.7];
+/// Where the shares are meant, rad.
+const WINDUP_RAD: f64 = 0.1;
+
+#[derive(Debug)]
+struct LoadFriction {
+    /// a, 1/(N m).
+    a: Vec<f64>,
+}
+
+impl Physics for LoadFriction {
+    fn friction_torque(&self, at: &Moment<'_>, torque: f64) -> f64 {
+        torque + at.coulomb() * self.a[at.joint] * at.transmitted.abs()
+    }
+}
+
+fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectError> {
+    let mut joints = draw::elastic(robot);
+    joints.retain(|joint| draw::nominal(robot, Symbol::Mu, *joint) > 0.0);
+    if joints.is_empty() {
+        let reason = "no joint turns with friction through an elastic transmission";
+        return Err(EffectError::Unsuited { effect: EFFECT.id, reason });
+    }
+    let unit = |joint| 1.0 / (draw::nominal(robot, Symbol::KS, joint) * WINDUP_RAD);
+    let a = draw::per_joint(robot, &joints, size, SHARE, unit, rng);
+    let values = draw::of_joints(EFFECT.id, "a", "1/(N m)", &joints, &a).collect();
+    Ok(Hidden { id: EFFECT.id, values, physics: Box::new(LoadFriction { a }) })
+}

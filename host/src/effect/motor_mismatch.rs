@@ -1,0 +1,72 @@
+//! Motor mismatch: motors of one type are not identical.
+//!
+//! ```text
+//! b_i = b (1 + db_i),   k_pwm,i = k_pwm (1 + dk_pwm_i),   k_mi,i = k_mi (1 + dk_mi_i),   each Σ_i d_i = 0
+//! ```
+//!
+//! What is common to all motors belongs to the shared parameter, so the differences of each kind add up to nothing.
+
+use rand::{Rng, RngExt};
+
+use super::{Effect, EffectError, EffectParameter, Hidden, Physics, Size, draw};
+use crate::robot::{Robot, Symbol};
+
+pub(super) const EFFECT: Effect = Effect {
+    id: "motor_mismatch",
+    title: "motors that are not identical",
+    equation: "b (1 + db_i), k_pwm (1 + dk_pwm_i), k_mi (1 + dk_mi_i)",
+    parameters: &[
+        EffectParameter { name: "db[i]", unit: "1", sizes: "largest 4, 8, 14 % (3 to 15 met), either sign, sum 0" },
+        EffectParameter { name: "dk_pwm[i]", unit: "1", sizes: "as db" },
+        EffectParameter { name: "dk_mi[i]", unit: "1", sizes: "as db" },
+    ],
+    confounded_with: &["viscous_friction", "link_inertia", "b", "k_pwm", "k_mi"],
+    about: "Magnets and windings of one batch differ by some per cent, and so do the pulleys behind them. A model that \
+            gives all motors one number averages over them.",
+    make,
+};
+
+const LARGEST: [f64; 3] = [0.04, 0.08, 0.13];
+const SYMBOLS: [(Symbol, &str); 3] = [(Symbol::B, "db"), (Symbol::KPwm, "dk_pwm"), (Symbol::KMi, "dk_mi")];
+
+#[derive(Debug)]
+struct MotorMismatch {
+    /// Relative differences, for each of [`SYMBOLS`] one a joint.
+    differences: [Vec<f64>; 3],
+}
+
+impl Physics for MotorMismatch {
+    fn parameter(&self, symbol: Symbol, joint: usize, value: f64) -> f64 {
+        let which = SYMBOLS.iter().position(|(mine, _)| *mine == symbol);
+        which.map_or(value, |which| value * (1.0 + self.differences[which][joint]))
+    }
+}
+
+fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectError> {
+    let unsuited = |reason| EffectError::Unsuited { effect: EFFECT.id, reason };
+    let joints: Vec<usize> = (0..robot.joints.len()).collect();
+    if joints.len() < 2 {
+        return Err(unsuited("one motor cannot differ from another"));
+    }
+    if draw::full_torque(robot, 0) == 0.0 {
+        return Err(unsuited("no motor is driven by a voltage"));
+    }
+    let differences = SYMBOLS.map(|_| balanced(joints.len(), size.draw(LARGEST, rng), rng));
+    let values = SYMBOLS.iter().zip(&differences);
+    let values = values.flat_map(|((_, name), d)| draw::of_joints(EFFECT.id, name, "1", &joints, d));
+    let values = values.collect();
+    Ok(Hidden { id: EFFECT.id, values, physics: Box::new(MotorMismatch { differences }) })
+}
+
+/// `count` numbers that add up to nothing, the largest of size `largest`.
+fn balanced(count: usize, largest: f64, rng: &mut dyn Rng) -> Vec<f64> {
+    loop {
+        let mut d: Vec<f64> = (0..count).map(|_| rng.random_range(-1.0..1.0)).collect();
+        let mean = d.iter().sum::<f64>() / count as f64;
+        d.iter_mut().for_each(|d| *d -= mean);
+        let most = d.iter().fold(0.0f64, |most, d| most.max(d.abs()));
+        if most > 0.1 {
+            return d.into_iter().map(|d| d * largest / most).collect();
+        }
+    }
+}

@@ -1,0 +1,52 @@
+//! Friction that varies with the angle.
+//!
+//! ```text
+//! μ (1 + a cos(θ − φ)) sgn θ̇
+//! ```
+
+use rand::Rng;
+
+use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Size, draw};
+use crate::robot::Robot;
+
+pub(super) const EFFECT: Effect = Effect {
+    id: "position_friction",
+    title: "friction that varies with the angle",
+    equation: "μ (1 + a cos(θ − φ)) sgn θ̇",
+    parameters: &[
+        EffectParameter { name: "a[i]", unit: "1", sizes: "6, 14, 26 % (5 to 30 met)" },
+        EffectParameter { name: "phi[i]", unit: "rad", sizes: "anywhere" },
+    ],
+    confounded_with: &["mu", "cogging"],
+    about: "A bent shaft, a pulley that is not round or a cable that rubs in one pose: friction is higher on one side of \
+            the circle than on the other. Over a small range of motion it is a slope, not a wave.",
+    make,
+};
+
+const RATIO: [f64; 3] = [0.06, 0.14, 0.26];
+
+#[derive(Debug)]
+struct PositionFriction {
+    /// a of every joint.
+    ratio: Vec<f64>,
+    /// φ, rad.
+    phase: Vec<f64>,
+}
+
+impl Physics for PositionFriction {
+    fn friction_torque(&self, at: &Moment<'_>, torque: f64) -> f64 {
+        torque + at.coulomb() * self.ratio[at.joint] * (at.theta - self.phase[at.joint]).cos()
+    }
+}
+
+fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectError> {
+    let joints = draw::rubbing(robot);
+    if joints.is_empty() {
+        return Err(EffectError::Unsuited { effect: EFFECT.id, reason: "no turning joint has friction" });
+    }
+    let ratio = draw::per_joint(robot, &joints, size, RATIO, |_| 1.0, rng);
+    let phase = draw::phases(robot, rng);
+    let mut values: Vec<_> = draw::of_joints(EFFECT.id, "a", "1", &joints, &ratio).collect();
+    values.extend(draw::of_joints(EFFECT.id, "phi", "rad", &joints, &phase));
+    Ok(Hidden { id: EFFECT.id, values, physics: Box::new(PositionFriction { ratio, phase }) })
+}

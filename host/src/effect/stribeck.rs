@@ -1,0 +1,114 @@
+//! Stiction and Stribeck's bump, by the LuGre model (Canudas de Wit et al., 1995) in place of equation (12).
+//!
+//! ```text
+//! g(v) = μ + Δμ e^−(v/v_s)²                      friction at constant speed; break-away torque μ + Δμ
+//! ż = v − σ₀ |v| z / g(v)                        deflection of the bristles
+//! τ_f = σ₀ z + σ₁ e^−(v/v_d)² ż
+//! ```
+//!
+//! The bristles bend by μ/σ₀ = 5 µrad at most (0.2 mrad of the motor itself): far below an encoder's count, so that what
+//! a recording shows is stiction and the bump, hardly the bending. Their damping σ₁ is 0.7 of critical against the motor's
+//! inertia and dies out above v_d, or the model could give energy away; it is passive as long as σ₁ |v| < 4 g(v)
+//! everywhere. Above some 0.05 rad/s the bristles settle faster than the plant's step; they are then given 0.1 ms to do so.
+
+use rand::{Rng, RngExt};
+
+use super::{Effect, EffectError, EffectParameter, Hidden, Line, Moment, Physics, Size, draw};
+use crate::robot::{Robot, Symbol};
+
+pub(super) const EFFECT: Effect = Effect {
+    id: "stribeck",
+    title: "stiction and Stribeck friction",
+    equation: "(μ_s − μ) e^−(θ̇/v_s)² sgn θ̇",
+    parameters: &[
+        EffectParameter { name: "dmu[i]", unit: "N m", sizes: "μ_s − μ of 20, 60, 160 % of μ (10 to 200 met)" },
+        EffectParameter { name: "v_s", unit: "rad/s", sizes: "0.03 to 0.2 (0.02 to 0.3 met)" },
+    ],
+    confounded_with: &["mu", "integrator_error", "asymmetric_friction"],
+    about: "At rest surfaces stick, and need more torque to come loose than to keep sliding. The friction falls while the \
+            motor picks up speed: jerky starts and limit cycles. Too coarse an integration of plain Coulomb friction \
+            looks like it, so the step is to be checked first.",
+    make,
+};
+
+/// Δμ, shares of μ.
+const SHARE: [f64; 3] = [0.2, 0.6, 1.6];
+/// v_s, rad/s; drawn evenly on a logarithmic scale.
+const SPEED_RAD_S: std::ops::Range<f64> = 0.03..0.2;
+/// μ/σ₀, rad.
+const BENDING_RAD: f64 = 5e-6;
+/// Of critical.
+const DAMPING_RATIO: f64 = 0.7;
+/// v_d, rad/s.
+const DAMPED_BELOW_RAD_S: f64 = 0.01;
+/// The bristles settle no faster than with this rate, 1/s.
+const FASTEST_PER_S: f64 = 1e4;
+
+/// One state a joint: the deflection z, rad.
+#[derive(Debug)]
+struct Stribeck {
+    bristles: Vec<Bristle>,
+    /// v_s, rad/s.
+    speed: f64,
+}
+
+/// All zero where nothing rubs.
+#[derive(Debug, Clone, Copy, Default)]
+struct Bristle {
+    dmu: f64,
+    sigma_0: f64,
+    sigma_1: f64,
+}
+
+impl Stribeck {
+    /// g(v), N m.
+    fn sliding(&self, at: &Moment<'_>) -> f64 {
+        at.mu + self.bristles[at.joint].dmu * (-(at.friction_speed / self.speed).powi(2)).exp()
+    }
+
+    /// ż, rad/s.
+    fn bending_rate(&self, at: &Moment<'_>, z: f64) -> f64 {
+        let settling = self.bristles[at.joint].sigma_0 * at.friction_speed.abs() / self.sliding(at);
+        (at.friction_speed - settling * z) * (FASTEST_PER_S / settling).min(1.0)
+    }
+}
+
+impl Physics for Stribeck {
+    fn states(&self) -> usize {
+        self.bristles.len()
+    }
+
+    fn state_rates(&self, own: &[f64], line: &Line<'_>, out: &mut [f64]) {
+        for (joint, at) in line.joints.iter().enumerate() {
+            out[joint] = if self.bristles[joint].sigma_0 > 0.0 { self.bending_rate(at, own[joint]) } else { 0.0 };
+        }
+    }
+
+    fn friction_torque(&self, at: &Moment<'_>, torque: f64) -> f64 {
+        let (bristle, z) = (self.bristles[at.joint], at.own[at.joint]);
+        if bristle.sigma_0 == 0.0 {
+            return torque;
+        }
+        let damping = bristle.sigma_1 * (-(at.friction_speed / DAMPED_BELOW_RAD_S).powi(2)).exp();
+        torque - at.coulomb() + bristle.sigma_0 * z + damping * self.bending_rate(at, z)
+    }
+}
+
+fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectError> {
+    let joints = draw::rubbing(robot);
+    if joints.is_empty() {
+        return Err(EffectError::Unsuited { effect: EFFECT.id, reason: "no turning joint has friction" });
+    }
+    let mu = |joint| draw::nominal(robot, Symbol::Mu, joint);
+    let dmu = draw::per_joint(robot, &joints, size, SHARE, mu, rng);
+    let speed = rng.random_range(SPEED_RAD_S.start.ln()..SPEED_RAD_S.end.ln()).exp();
+    let mut bristles = vec![Bristle::default(); robot.joints.len()];
+    for &joint in &joints {
+        let sigma_0 = mu(joint) / BENDING_RAD;
+        let sigma_1 = 2.0 * DAMPING_RATIO * (sigma_0 * draw::nominal(robot, Symbol::B, joint)).sqrt();
+        bristles[joint] = Bristle { dmu: dmu[joint], sigma_0, sigma_1 };
+    }
+    let mut values: Vec<_> = draw::of_joints(EFFECT.id, "dmu", "N m", &joints, &dmu).collect();
+    values.push(draw::single(EFFECT.id, "v_s", "rad/s", speed));
+    Ok(Hidden { id: EFFECT.id, values, physics: Box::new(Stribeck { bristles, speed }) })
+}

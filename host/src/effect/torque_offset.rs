@@ -1,0 +1,52 @@
+//! Torque offset: a constant torque on a motor.
+//!
+//! ```text
+//! τ_m + o_i
+//! ```
+
+use rand::Rng;
+
+use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Size, draw};
+use crate::robot::Robot;
+
+pub(super) const EFFECT: Effect = Effect {
+    id: "torque_offset",
+    title: "constant torque on the motors",
+    equation: "τ_m + o",
+    parameters: &[EffectParameter {
+        name: "o[i]",
+        unit: "N m",
+        sizes: "0.12, 0.3, 0.85 N m (0.1 to 1 met), either sign",
+    }],
+    confounded_with: &["asymmetric_friction", "gravity_residual"],
+    about: "A driver whose zero is off, or a spring that pulls on the motor's side. It pushes the same way whatever the \
+            motor does: friction that differs by direction looks like it as long as the motor keeps turning.",
+    make,
+};
+
+/// Shares of the torque at full voltage.
+const OFFSET: [f64; 3] = [0.0008, 0.002, 0.0057];
+
+#[derive(Debug)]
+struct TorqueOffset {
+    /// o, N m.
+    offset: Vec<f64>,
+}
+
+impl Physics for TorqueOffset {
+    fn motor_torque(&self, at: &Moment<'_>, torque: f64) -> f64 {
+        torque + self.offset[at.joint]
+    }
+}
+
+fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectError> {
+    let mut joints = draw::turning(robot);
+    joints.retain(|joint| draw::full_torque(robot, *joint) > 0.0);
+    if joints.is_empty() {
+        return Err(EffectError::Unsuited { effect: EFFECT.id, reason: "no joint is turned by a voltage" });
+    }
+    let mut offset = draw::per_joint(robot, &joints, size, OFFSET, |j| draw::full_torque(robot, j), rng);
+    draw::either_sign(&mut offset, size, rng);
+    let values = draw::of_joints(EFFECT.id, "o", "N m", &joints, &offset).collect();
+    Ok(Hidden { id: EFFECT.id, values, physics: Box::new(TorqueOffset { offset }) })
+}
