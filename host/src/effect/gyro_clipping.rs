@@ -13,7 +13,11 @@ pub(super) const EFFECT: Effect = Effect {
     id: "gyro_clipping",
     title: "gyro range exceeded",
     equation: "clip(ω, ±FS)",
-    parameters: &[EffectParameter { name: "fs[gyro]", unit: "rad/s", sizes: "FSTEXT" }],
+    parameters: &[EffectParameter {
+        name: "fs[gyro]",
+        unit: "rad/s",
+        sizes: "5.4, 4.9, 4.4 rad/s (250 deg/s and up met); Doggy turns at up to 6.5",
+    }],
     confounded_with: &["current_limit", "gyro_scale"],
     about: "A gyro set to a smaller range than its description says puts out its full scale while the robot turns faster. \
             Peaks are flat, and everything below them is as it should be.",
@@ -21,7 +25,7 @@ pub(super) const EFFECT: Effect = Effect {
 };
 
 /// Full scale, rad/s. The stronger the effect, the smaller the range.
-const FULL_SCALE_RAD_S: [f64; 3] = [6.0, 5.0, 4.363];
+const FULL_SCALE_RAD_S: [f64; 3] = [5.4, 4.9, 4.4];
 
 #[derive(Debug)]
 struct GyroClipping {
