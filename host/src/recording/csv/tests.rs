@@ -34,7 +34,8 @@ fn refused(result: Result<Recording, TableError>, parts: &[&str]) {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(64))]
+    // Nine recordings in ten have their median step elsewhere and are drawn again.
+    #![proptest_config(ProptestConfig { max_global_rejects: 100_000, ..ProptestConfig::with_cases(64) })]
 
     #[test]
     fn samples_come_back_bit_for_bit(mut recording in any_recording()) {
