@@ -197,26 +197,13 @@ fn joint(index: usize, setup: &JointSetup, encoders: &[EncoderInfo]) -> Result<J
 }
 
 #[cfg(test)]
-pub(crate) mod tests {
+mod tests {
     use super::*;
-
-    /// Doggy: 1024 counts a motor turn, gear 42.092, ranges ±1.0, ±0.6, ±0.6 rad.
-    pub(crate) fn doggy() -> Config {
-        let joints = [1.0, 0.6, 0.6].map(|max| JointSetup::new(Limits { min: -max, max }));
-        let encoders = [0, 1, 2].map(|joint| EncoderInfo {
-            joint,
-            side: Side::Motor,
-            counts_per_turn: 1024,
-            gear: 42.092,
-            offset_us: 0,
-        });
-        let gyros = [0, 2].map(|body| GyroInfo { body, rad_s_per_lsb: 5.33e-4, saturated_at: 32_767, offset_us: 20 });
-        Config::new("doggy", &joints, &encoders, &gyros).unwrap()
-    }
 
     #[test]
     fn doggys_ranges_become_counts() {
-        let config = doggy();
+        // 1024 counts a motor turn, gear 42.092, ranges ±1.0, ±0.6, ±0.6 rad.
+        let config = crate::robot::doggy();
         let yaw = config.joints()[0];
         assert!((yaw.counts_per_unit - 6859.93).abs() < 0.01, "1024 · 42.092 / 2π, is {}", yaw.counts_per_unit);
         assert_eq!(yaw.envelope.upper_counts, 6859);

@@ -45,10 +45,7 @@ impl Physics for AsymmetricFriction {
 }
 
 fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectError> {
-    let joints = draw::rubbing(robot);
-    if joints.is_empty() {
-        return Err(EffectError::Unsuited { effect: EFFECT.id, reason: "no turning joint has friction" });
-    }
+    let joints = draw::some(EFFECT.id, draw::rubbing(robot), draw::NO_FRICTION)?;
     let mut dmu = draw::per_joint(robot, &joints, size, SHARE_OF_MU, |j| draw::nominal(robot, Symbol::Mu, j), rng);
     // An exact size is that of Δμ; Δv goes with it as medium with medium.
     let k_mi = |joint| draw::nominal(robot, Symbol::KMi, joint);

@@ -52,13 +52,7 @@ impl Physics for Backlash {
 }
 
 fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectError> {
-    let joints = draw::elastic(robot);
-    if joints.is_empty() {
-        return Err(EffectError::Unsuited {
-            effect: EFFECT.id,
-            reason: "no joint turns through an elastic transmission",
-        });
-    }
+    let joints = draw::some(EFFECT.id, draw::elastic(robot), draw::NO_BELT)?;
     let half_gap = draw::per_joint(robot, &joints, size, HALF_GAP_RAD, |_| 1.0, rng);
     Ok(gaps(half_gap))
 }

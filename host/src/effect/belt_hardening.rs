@@ -42,13 +42,7 @@ impl Physics for BeltHardening {
 }
 
 fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectError> {
-    let joints = draw::elastic(robot);
-    if joints.is_empty() {
-        return Err(EffectError::Unsuited {
-            effect: EFFECT.id,
-            reason: "no joint turns through an elastic transmission",
-        });
-    }
+    let joints = draw::some(EFFECT.id, draw::elastic(robot), draw::NO_BELT)?;
     let unit = |joint| draw::nominal(robot, Symbol::KS, joint) / WINDUP_RAD.powi(2);
     let k3 = draw::per_joint(robot, &joints, size, SHARE, unit, rng);
     let values = draw::of_joints(EFFECT.id, "k3", "N m/rad^3", &joints, &k3).collect();

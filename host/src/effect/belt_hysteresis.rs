@@ -56,13 +56,7 @@ impl Physics for BeltHysteresis {
 }
 
 fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectError> {
-    let joints = draw::elastic(robot);
-    if joints.is_empty() {
-        return Err(EffectError::Unsuited {
-            effect: EFFECT.id,
-            reason: "no joint turns through an elastic transmission",
-        });
-    }
+    let joints = draw::some(EFFECT.id, draw::elastic(robot), draw::NO_BELT)?;
     let k1 = draw::per_joint(robot, &joints, size, SHARE, |j| draw::nominal(robot, Symbol::KS, j), rng);
     let logarithms = RELAXATION_S.start.ln()..RELAXATION_S.end.ln();
     let relaxation_s: Vec<f64> = k1.iter().map(|_| rng.random_range(logarithms.clone()).exp()).collect();

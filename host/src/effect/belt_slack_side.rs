@@ -35,13 +35,7 @@ impl Physics for BeltSlackSide {
 }
 
 fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectError> {
-    let joints = draw::elastic(robot);
-    if joints.is_empty() {
-        return Err(EffectError::Unsuited {
-            effect: EFFECT.id,
-            reason: "no joint turns through an elastic transmission",
-        });
-    }
+    let joints = draw::some(EFFECT.id, draw::elastic(robot), draw::NO_BELT)?;
     let mut ratio = draw::per_joint(robot, &joints, size, RATIO, |_| 1.0, rng);
     draw::either_sign(&mut ratio, size, rng);
     let values = draw::of_joints(EFFECT.id, "r", "1", &joints, &ratio).collect();

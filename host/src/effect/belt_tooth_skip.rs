@@ -66,13 +66,7 @@ impl Physics for BeltToothSkip {
 }
 
 fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectError> {
-    let joints = draw::elastic(robot);
-    if joints.is_empty() {
-        return Err(EffectError::Unsuited {
-            effect: EFFECT.id,
-            reason: "no joint turns through an elastic transmission",
-        });
-    }
+    let joints = draw::some(EFFECT.id, draw::elastic(robot), draw::NO_BELT)?;
     let joint = joints[rng.random_range(0..joints.len())];
     let mut step_rad = [size.draw(STEP_RAD, rng)];
     draw::either_sign(&mut step_rad, size, rng);

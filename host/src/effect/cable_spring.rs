@@ -40,13 +40,7 @@ impl Physics for CableSpring {
 }
 
 fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectError> {
-    let joints = draw::elastic(robot);
-    if joints.is_empty() {
-        return Err(EffectError::Unsuited {
-            effect: EFFECT.id,
-            reason: "no joint turns through an elastic transmission",
-        });
-    }
+    let joints = draw::some(EFFECT.id, draw::elastic(robot), draw::NO_BELT)?;
     let k_c = draw::per_joint(robot, &joints, size, SHARE, |j| draw::nominal(robot, Symbol::KS, j), rng);
     let values = draw::of_joints(EFFECT.id, "k_c", "N m/rad", &joints, &k_c).collect();
     Ok(Hidden { id: EFFECT.id, values, physics: Box::new(CableSpring { k_c }) })

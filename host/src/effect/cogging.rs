@@ -48,9 +48,7 @@ impl Physics for Cogging {
 fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectError> {
     let mut joints = draw::turning(robot);
     joints.retain(|joint| draw::full_torque(robot, *joint) > 0.0);
-    if joints.is_empty() {
-        return Err(EffectError::Unsuited { effect: EFFECT.id, reason: "no joint is turned by a voltage" });
-    }
+    let joints = draw::some(EFFECT.id, joints, draw::NO_VOLTAGE)?;
     let amplitude = draw::per_joint(robot, &joints, size, AMPLITUDE, |j| draw::full_torque(robot, j), rng);
     let periods = f64::from(rng.random_range(PERIODS));
     let phase = draw::phases(robot, rng);

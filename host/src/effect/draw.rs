@@ -10,6 +10,18 @@ use rand::{Rng, RngExt};
 use super::{EffectError, Size, TrueValue};
 use crate::robot::{JointKind, Robot, Symbol, Transmission, Vector3};
 
+/// What a robot lacks that has no elastic joint.
+pub(super) const NO_BELT: &str = "no joint turns through an elastic transmission";
+/// What a robot without friction lacks.
+pub(super) const NO_FRICTION: &str = "no turning joint has friction";
+/// What a robot lacks whose motors are not driven by a voltage.
+pub(super) const NO_VOLTAGE: &str = "no joint is turned by a voltage";
+
+/// The joints that an effect acts on; a robot without any cannot have it, for this reason.
+pub(super) fn some(effect: &'static str, joints: Vec<usize>, reason: &'static str) -> Result<Vec<usize>, EffectError> {
+    if joints.is_empty() { Err(EffectError::Unsuited { effect, reason }) } else { Ok(joints) }
+}
+
 /// Joints that turn.
 pub(super) fn turning(robot: &Robot) -> Vec<usize> {
     (0..robot.joints.len()).filter(|joint| robot.joints[*joint].kind == JointKind::Revolute).collect()

@@ -47,9 +47,7 @@ fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectEr
         |joint| robot.sensors.iter().any(|sensor| matches!(sensor, Sensor::MotorEncoder(e) if e.joint == joint));
     let mut joints = draw::turning(robot);
     joints.retain(|joint| has_encoder(*joint));
-    if joints.is_empty() {
-        return Err(EffectError::Unsuited { effect: EFFECT.id, reason: "no turning joint has a motor encoder" });
-    }
+    let joints = draw::some(EFFECT.id, joints, "no turning joint has a motor encoder")?;
     let error = draw::per_joint(robot, &joints, size, ERROR_RAD, |_| 1.0, rng);
     let phase = draw::phases(robot, rng);
     let mut values: Vec<_> = draw::of_joints(EFFECT.id, "e", "rad", &joints, &error).collect();

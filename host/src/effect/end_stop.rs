@@ -60,10 +60,7 @@ impl Physics for EndStop {
 fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectError> {
     let mut joints = draw::elastic(robot);
     joints.retain(|j| robot.joints[*j].limits[0] < 0.0 && robot.joints[*j].limits[1] > 0.0);
-    if joints.is_empty() {
-        let reason = "no joint turns to both sides through an elastic transmission";
-        return Err(EffectError::Unsuited { effect: EFFECT.id, reason });
-    }
+    let joints = draw::some(EFFECT.id, joints, "no joint turns to both sides through an elastic transmission")?;
     let mut stops = [vec![f64::NEG_INFINITY; robot.joints.len()], vec![f64::INFINITY; robot.joints.len()]];
     for (side, stops) in stops.iter_mut().enumerate() {
         for &joint in &joints {

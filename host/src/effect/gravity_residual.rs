@@ -47,9 +47,7 @@ impl Physics for GravityResidual {
 fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectError> {
     let mut joints = draw::turning(robot);
     joints.retain(|j| robot.joints[*j].gravity == GravityLoad::Compensated && draw::full_torque(robot, *j) > 0.0);
-    if joints.is_empty() {
-        return Err(EffectError::Unsuited { effect: EFFECT.id, reason: "no joint's gravity is compensated" });
-    }
+    let joints = draw::some(EFFECT.id, joints, "no joint's gravity is compensated")?;
     let mut torque = draw::per_joint(robot, &joints, size, SHARE, |j| draw::full_torque(robot, j), rng);
     draw::either_sign(&mut torque, size, rng);
     let angle: Vec<f64> = torque.iter().map(|_| rng.random_range(ANGLE_RAD)).collect();

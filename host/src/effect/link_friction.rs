@@ -47,10 +47,7 @@ impl Physics for LinkFriction {
 fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectError> {
     let mut joints = draw::elastic(robot);
     joints.retain(|joint| draw::full_torque(robot, *joint) > 0.0);
-    if joints.is_empty() {
-        let reason = "no joint is turned by a voltage through an elastic transmission";
-        return Err(EffectError::Unsuited { effect: EFFECT.id, reason });
-    }
+    let joints = draw::some(EFFECT.id, joints, "no joint is turned by a voltage through an elastic transmission")?;
     let mu = draw::per_joint(robot, &joints, size, SHARE_OF_TORQUE, |j| draw::full_torque(robot, j), rng);
     // An exact size is that of μ_l; v_l goes with it as medium with medium.
     let k_mi = |joint| draw::nominal(robot, Symbol::KMi, joint);

@@ -40,10 +40,7 @@ impl Physics for LoadFriction {
 fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectError> {
     let mut joints = draw::elastic(robot);
     joints.retain(|joint| draw::nominal(robot, Symbol::Mu, *joint) > 0.0);
-    if joints.is_empty() {
-        let reason = "no joint turns with friction through an elastic transmission";
-        return Err(EffectError::Unsuited { effect: EFFECT.id, reason });
-    }
+    let joints = draw::some(EFFECT.id, joints, "no joint turns with friction through an elastic transmission")?;
     let unit = |joint| 1.0 / (draw::nominal(robot, Symbol::KS, joint) * WINDUP_RAD);
     let a = draw::per_joint(robot, &joints, size, SHARE, unit, rng);
     let values = draw::of_joints(EFFECT.id, "a", "1/(N m)", &joints, &a).collect();

@@ -40,10 +40,7 @@ impl Physics for PositionFriction {
 }
 
 fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectError> {
-    let joints = draw::rubbing(robot);
-    if joints.is_empty() {
-        return Err(EffectError::Unsuited { effect: EFFECT.id, reason: "no turning joint has friction" });
-    }
+    let joints = draw::some(EFFECT.id, draw::rubbing(robot), draw::NO_FRICTION)?;
     let ratio = draw::per_joint(robot, &joints, size, RATIO, |_| 1.0, rng);
     let phase = draw::phases(robot, rng);
     let mut values: Vec<_> = draw::of_joints(EFFECT.id, "a", "1", &joints, &ratio).collect();

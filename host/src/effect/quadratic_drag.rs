@@ -43,9 +43,7 @@ fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectEr
     };
     let mut joints = draw::turning(robot);
     joints.retain(|joint| unit(*joint) > 0.0);
-    if joints.is_empty() {
-        return Err(EffectError::Unsuited { effect: EFFECT.id, reason: "no joint is turned by a voltage" });
-    }
+    let joints = draw::some(EFFECT.id, joints, draw::NO_VOLTAGE)?;
     let c = draw::per_joint(robot, &joints, size, SHARE, unit, rng);
     let values = draw::of_joints(EFFECT.id, "c", "N m s^2/rad^2", &joints, &c).collect();
     Ok(Hidden { id: EFFECT.id, values, physics: Box::new(QuadraticDrag { c }) })

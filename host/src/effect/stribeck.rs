@@ -95,10 +95,7 @@ impl Physics for Stribeck {
 }
 
 fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectError> {
-    let joints = draw::rubbing(robot);
-    if joints.is_empty() {
-        return Err(EffectError::Unsuited { effect: EFFECT.id, reason: "no turning joint has friction" });
-    }
+    let joints = draw::some(EFFECT.id, draw::rubbing(robot), draw::NO_FRICTION)?;
     let mu = |joint| draw::nominal(robot, Symbol::Mu, joint);
     let dmu = draw::per_joint(robot, &joints, size, SHARE, mu, rng);
     let speed = rng.random_range(SPEED_RAD_S.start.ln()..SPEED_RAD_S.end.ln()).exp();

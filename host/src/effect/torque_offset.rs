@@ -42,9 +42,7 @@ impl Physics for TorqueOffset {
 fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectError> {
     let mut joints = draw::turning(robot);
     joints.retain(|joint| draw::full_torque(robot, *joint) > 0.0);
-    if joints.is_empty() {
-        return Err(EffectError::Unsuited { effect: EFFECT.id, reason: "no joint is turned by a voltage" });
-    }
+    let joints = draw::some(EFFECT.id, joints, draw::NO_VOLTAGE)?;
     let mut offset = draw::per_joint(robot, &joints, size, OFFSET, |j| draw::full_torque(robot, j), rng);
     draw::either_sign(&mut offset, size, rng);
     let values = draw::of_joints(EFFECT.id, "o", "N m", &joints, &offset).collect();

@@ -47,12 +47,7 @@ impl Physics for ViscousFriction {
 fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectError> {
     let mut joints = draw::turning(robot);
     joints.retain(|joint| draw::nominal(robot, Symbol::KMi, *joint) > 0.0);
-    if joints.is_empty() {
-        return Err(EffectError::Unsuited {
-            effect: EFFECT.id,
-            reason: "no turning joint has a back-EMF to compare with",
-        });
-    }
+    let joints = draw::some(EFFECT.id, joints, "no turning joint has a back-EMF to compare with")?;
     let mut v = draw::per_joint(robot, &joints, size, SHARE, |j| draw::nominal(robot, Symbol::KMi, j), rng);
     if !matches!(size, Size::Exact(_)) {
         v.iter_mut().for_each(|v| *v *= rng.random_range(SPREAD));
