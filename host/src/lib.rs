@@ -18,3 +18,5 @@ pub mod recording;
 pub mod solve;
 
 pub mod robot;
+
+pub mod simd;

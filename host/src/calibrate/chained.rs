@@ -183,7 +183,7 @@ impl<'m> Problem<'m> {
     }
 
     /// The axis of the joint that carries `body`, in the axes of that body: its rate when only this joint moves.
-    fn axis_before(&self, body: usize) -> Vector3<f64> {
+    pub(super) fn axis_before(&self, body: usize) -> Vector3<f64> {
         let n = self.model.layout().joints();
         let mut qd = [0.0; MAX_JOINTS];
         qd[body] = 1.0;

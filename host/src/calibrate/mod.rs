@@ -17,6 +17,7 @@ mod start;
 mod summary;
 #[cfg(test)]
 mod tests;
+mod wide;
 
 pub use observability::{Unobservable, comparable_misalignments};
 pub use point::{BorderLayout, Point};

@@ -59,24 +59,30 @@ impl<'m> Point<'m> {
         &self.states[k * size..(k + 1) * size]
     }
 
-    /// x ⊞ δ: sums for everything but the rotations.
-    pub fn moved(&self, step: &Step, layout: &BorderLayout, dynamics_at: impl Fn(&[f64]) -> Dynamics<'m>) -> Self {
+    /// Makes `to` x ⊞ δ: sums for everything but the rotations. Its memory is used again.
+    pub fn move_into(
+        &self,
+        step: &Step,
+        layout: &BorderLayout,
+        dynamics_at: impl Fn(&[f64]) -> Dynamics<'m>,
+        to: &mut Self,
+    ) {
         let border = &step.border;
-        let z: Vec<f64> = self.z.iter().zip(border).map(|(z, d)| z + d).collect();
         let delta = |at: usize| Vector3::new(border[at], border[at + 1], border[at + 2]);
-        let rotations = self.rotations.iter().enumerate().map(|(gyro, r)| {
+        to.z.clear();
+        to.z.extend(self.z.iter().zip(border).map(|(z, d)| z + d));
+        to.dynamics = dynamics_at(&to.z);
+        for (gyro, (r, to)) in self.rotations.iter().zip(&mut to.rotations).enumerate() {
             // The product of many steps is kept on SO(3).
-            rotation::orthonormalised(&rotation::boxplus(r, &delta(layout.rotation(gyro))))
-        });
-        let biases = self.biases.iter().enumerate().map(|(recording, biases)| {
-            biases.iter().enumerate().map(|(gyro, b)| b + delta(layout.bias(recording, gyro))).collect()
-        });
-        Point {
-            states: self.states.iter().zip(&step.states).map(|(x, d)| x + d).collect(),
-            dynamics: dynamics_at(&z),
-            z,
-            rotations: rotations.collect(),
-            biases: biases.collect(),
+            *to = rotation::orthonormalised(&rotation::boxplus(r, &delta(layout.rotation(gyro))));
+        }
+        for (recording, (biases, to)) in self.biases.iter().zip(&mut to.biases).enumerate() {
+            for (gyro, (b, to)) in biases.iter().zip(to).enumerate() {
+                *to = b + delta(layout.bias(recording, gyro));
+            }
+        }
+        for ((to, x), d) in to.states.iter_mut().zip(&self.states).zip(&step.states) {
+            *to = x + d;
         }
     }
 }

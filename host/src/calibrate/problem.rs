@@ -9,14 +9,18 @@
 //! k → k+1            x[k+1] = φ(x[k], u[k], z)                    1/process noise         (31)
 //! ```
 
+use std::ops::Range;
+
 use nalgebra::Vector3;
 
 use super::point::{BorderLayout, Point};
 use super::preset::{Assumptions, GyroRows};
 use super::series::Series;
+use super::wide::Wide;
+use crate::model::fast::Fast;
 use crate::model::{Linear, Model, SensorFrame, StepSlopes, Stepper};
 use crate::robot::{ChannelKind, Robot};
-use crate::solve::{LeastSquares, Rows, Step, Transition};
+use crate::solve::{self, LeastSquares, Shape, Stage, Step};
 
 /// A recording (or several) under a model.
 pub struct Problem<'m> {
@@ -27,9 +31,11 @@ pub struct Problem<'m> {
     /// Sensors grouped as rows are made.
     pub(super) rows: RowPlan,
     /// 1/σ of each state component's step.
-    process_weight: Vec<f64>,
+    pub(super) process_weight: Vec<f64>,
     /// Whether a channel is read after the tick's start, so that rows need the accelerations.
     late: bool,
+    /// The kernel that makes four stages at once, where it covers the model and all readings are taken at the tick.
+    pub(super) fast: Option<Fast>,
 }
 
 /// The channels by kind: what makes one or three rows.
@@ -95,6 +101,7 @@ pub struct Scratch {
     pub(super) next: Vec<f64>,
     /// State and its derivative at the instant of a reading.
     pub(super) at: Vec<f64>,
+    pub(super) wide: Wide,
 }
 
 impl<'m> Problem<'m> {
@@ -118,7 +125,14 @@ impl<'m> Problem<'m> {
         };
         let rows = RowPlan::of(series, model, assumptions.gyro_rows);
         let late = rows.scalars.iter().any(|r| r.offset_s != 0.0) || rows.gyros.iter().any(|r| r.offset_s != 0.0);
-        Problem { model, series, assumptions, border, rows, process_weight, late }
+        let fast = if late { None } else { Fast::of(model) };
+        Problem { model, series, assumptions, border, rows, process_weight, late, fast }
+    }
+
+    /// The same problem without the fast kernel.
+    #[cfg(test)]
+    pub(super) fn generic(self) -> Self {
+        Problem { fast: None, ..self }
     }
 
     /// Where the shared unknowns stand.
@@ -244,22 +258,8 @@ impl<'m> Problem<'m> {
         }
     }
 
-    /// The sensor rows of stage k as `[∂r/∂x | ∂r/∂p]`, for tests.
-    #[cfg(test)]
-    pub(super) fn dense_rows(&self, point: &Point<'m>, k: usize) -> Vec<Vec<f64>> {
-        let (size, joints) = (self.stage_size(), self.model.layout().joints());
-        let mut list = Vec::new();
-        self.sensor_rows(point, k, &mut self.scratch(), true, &mut |row| {
-            let mut slopes = vec![0.0; size + self.border_size()];
-            let (dx, dp) = slopes.split_at_mut(size);
-            row.depends.fill(row.weight, row.linear, size, joints, dx, dp);
-            list.push(slopes);
-        });
-        list
-    }
-
     /// What is known of the first state of a run: (component, reference component or value, 1/σ) → residual and gradient.
-    fn initial_rows(&self, point: &Point<'m>, k: usize, row: &mut impl FnMut(InitialRow)) {
+    pub(super) fn initial_rows(&self, point: &Point<'m>, k: usize, row: &mut impl FnMut(InitialRow)) {
         if !self.series.starts_run(k) {
             return;
         }
@@ -296,9 +296,9 @@ impl<'m> Problem<'m> {
 pub(super) const SHORTEST_REST: usize = 100;
 
 /// A whitened row of (30).
-struct InitialRow {
-    residual: f64,
-    gradient: [(usize, f64); 2],
+pub(super) struct InitialRow {
+    pub residual: f64,
+    pub gradient: [(usize, f64); 2],
 }
 
 /// A sensor row before weighting.
@@ -335,46 +335,111 @@ pub(super) enum Depends<'a> {
     Listed { states: &'a [(usize, f64)], border: &'a [(usize, f64)] },
 }
 
-impl Depends<'_> {
-    /// Adds the weighted derivatives to a row `(∂r/∂x, ∂r/∂p)`.
-    fn fill(&self, weight: f64, linear: &Linear, size: usize, joints: usize, dx: &mut [f64], dp: &mut [f64]) {
-        // slope · δ(component, offset_s later): the component itself and offset times its time derivative
-        let later = |slope: f64, component: usize, offset_s: f64, dx: &mut [f64], dp: &mut [f64]| {
-            dx[component] += slope;
-            if offset_s != 0.0 {
-                let columns = linear.slopes.len() / size;
-                let row = &linear.slopes[component * columns..(component + 1) * columns];
-                for (d, l) in dx.iter_mut().zip(&row[..size]) {
-                    *d += slope * offset_s * l;
-                }
-                for (d, l) in dp.iter_mut().zip(&row[size..]) {
-                    *d += slope * offset_s * l;
-                }
+impl Row<'_> {
+    /// Adds this row with its weighted derivatives to the stage, by the narrowest kind of row that holds them.
+    fn push(&self, size: usize, joints: usize, stage: &mut Stage) {
+        let (weight, residual) = (self.weight, self.weight * self.residual);
+        match self.depends {
+            Depends::Component { component, offset_s: 0.0 } => stage.unit_row(component, weight, residual),
+            Depends::Component { component, offset_s } => {
+                self.add_later(weight, component, offset_s, size, &mut stage.row(residual));
             }
-        };
-        match *self {
-            Depends::Component { component, offset_s } => later(weight, component, offset_s, dx, dp),
             Depends::BodyRate { frame, body, sensor_axis, offset_s, bias, rotation, by_rotation } => {
+                let mut row = if offset_s == 0.0 { stage.sensor_row(residual) } else { stage.row(residual) };
                 for column in 0..2 * joints {
                     let slope = frame.slope(body, column).dot(&Vector3::from(sensor_axis));
                     if slope != 0.0 {
-                        later(weight * slope, column, offset_s, dx, dp);
+                        self.add_later(weight * slope, column, offset_s, size, &mut row);
                     }
                 }
-                dp[bias] += weight;
+                row.add_shared(bias, weight);
                 for (axis, slope) in by_rotation.into_iter().enumerate() {
-                    dp[rotation + axis] += weight * slope;
+                    row.add_shared(rotation + axis, weight * slope);
                 }
             }
             Depends::Listed { states, border } => {
+                let mut row = stage.sensor_row(residual);
                 for &(component, slope) in states {
-                    dx[component] += weight * slope;
+                    row.add_state(component, weight * slope);
                 }
                 for &(column, slope) in border {
-                    dp[column] += weight * slope;
+                    row.add_shared(column, weight * slope);
                 }
             }
         }
+    }
+
+    /// slope · δ(component, `offset_s` later): the component itself and offset times its time derivative.
+    fn add_later(&self, slope: f64, component: usize, offset_s: f64, size: usize, row: &mut solve::Row<'_>) {
+        row.add_state(component, slope);
+        if offset_s != 0.0 {
+            let columns = self.linear.slopes.len() / size;
+            let derivative = &self.linear.slopes[component * columns..(component + 1) * columns];
+            for (i, l) in derivative[..size].iter().enumerate() {
+                row.add_state(i, slope * offset_s * l);
+            }
+            for (j, l) in derivative[size..].iter().enumerate() {
+                row.add_shared(j, slope * offset_s * l);
+            }
+        }
+    }
+}
+
+impl InitialRow {
+    pub(super) fn push(&self, stage: &mut Stage) {
+        let mut row = stage.row(self.residual);
+        for (component, slope) in self.gradient {
+            row.add_state(component, slope);
+        }
+    }
+}
+
+impl<'m> Problem<'m> {
+    /// Fills one stage by the generic walk.
+    fn linearise_stage(&self, point: &Point<'m>, k: usize, scratch: &mut Scratch, stage: &mut Stage) {
+        let (size, joints) = (self.model.layout().size(), self.model.layout().joints());
+        stage.clear();
+        self.sensor_rows(point, k, scratch, true, &mut |row| row.push(size, joints, stage));
+        self.initial_rows(point, k, &mut |row| row.push(stage));
+        if !self.linked(k) {
+            return;
+        }
+        let Scratch { stepper, slopes, .. } = scratch;
+        let duration_s = self.series.duration_s(k);
+        stepper.step_slopes(&point.dynamics, point.state(k), self.series.input(k), duration_s, slopes);
+        let columns = point.dynamics.columns();
+        let after = point.state(k + 1);
+        for (i, &weight) in self.process_weight.iter().enumerate() {
+            let mut row = stage.transition_row(i, weight, weight * (slopes.next[i] - after[i]));
+            let by = &slopes.slopes[i * columns..(i + 1) * columns];
+            for (j, slope) in by[..size].iter().enumerate() {
+                row.add_state(j, weight * slope);
+            }
+            for (j, slope) in by[size..].iter().enumerate() {
+                row.add_shared(j, weight * slope);
+            }
+        }
+    }
+
+    /// Σ r² of stage k by the generic walk.
+    fn stage_squares(&self, point: &Point<'m>, k: usize, scratch: &mut Scratch) -> f64 {
+        let mut sum = 0.0;
+        self.sensor_rows(point, k, scratch, false, &mut |row| sum += (row.weight * row.residual).powi(2));
+        self.initial_rows(point, k, &mut |row| sum += row.residual * row.residual);
+        if self.linked(k) {
+            let Scratch { stepper, next, .. } = scratch;
+            let duration_s = self.series.duration_s(k);
+            stepper.step(&point.dynamics, point.state(k), self.series.input(k), duration_s, next);
+            for ((next, after), weight) in next.iter().zip(point.state(k + 1)).zip(&self.process_weight) {
+                sum += (weight * (next - after)).powi(2);
+            }
+        }
+        sum
+    }
+
+    /// Whether stage k is carried into stage k+1.
+    pub(super) fn linked(&self, k: usize) -> bool {
+        !self.series.duration_s(k).is_nan()
     }
 }
 
@@ -390,69 +455,37 @@ impl<'m> LeastSquares for Problem<'m> {
             frame: SensorFrame::default(),
             next: vec![0.0; self.model.layout().size()],
             at: Vec::new(),
+            wide: Wide::default(),
         }
     }
 
-    fn stages(&self) -> usize {
-        self.series.stages()
-    }
-
-    fn stage_size(&self) -> usize {
-        self.model.layout().size()
-    }
-
-    fn border_size(&self) -> usize {
-        self.border.size()
-    }
-
-    fn linked(&self, k: usize) -> bool {
-        !self.series.duration_s(k).is_nan()
-    }
-
-    fn rows(&self, point: &Point<'m>, k: usize, scratch: &mut Scratch, rows: &mut Rows) {
-        let (size, joints) = (self.stage_size(), self.model.layout().joints());
-        self.sensor_rows(point, k, scratch, true, &mut |row| {
-            let (dx, dp) = rows.push(row.weight * row.residual);
-            row.depends.fill(row.weight, row.linear, size, joints, dx, dp);
-        });
-        self.initial_rows(point, k, &mut |row| {
-            let (dx, _) = rows.push(row.residual);
-            for (component, slope) in row.gradient {
-                dx[component] += slope;
-            }
-        });
-    }
-
-    fn transition(&self, point: &Point<'m>, k: usize, scratch: &mut Scratch, transition: &mut Transition) {
-        let Scratch { stepper, slopes, .. } = scratch;
-        let duration_s = self.series.duration_s(k);
-        stepper.step_slopes(&point.dynamics, point.state(k), self.series.input(k), duration_s, slopes);
-        let (size, columns) = (point.dynamics.size(), point.dynamics.columns());
-        let after = point.state(k + 1);
-        for i in 0..size {
-            let (dx, dp) = transition.row(i, self.process_weight[i], slopes.next[i] - after[i]);
-            let row = &slopes.slopes[i * columns..(i + 1) * columns];
-            dx.copy_from_slice(&row[..size]);
-            dp[..columns - size].copy_from_slice(&row[size..]);
+    fn shape(&self) -> Shape {
+        Shape {
+            stages: self.series.stages(),
+            stage: self.model.layout().size(),
+            border: self.border.size(),
+            leading: self.border.dynamics,
+            sensed: 2 * self.model.layout().joints(),
         }
     }
 
-    fn cost(&self, point: &Point<'m>, k: usize, scratch: &mut Scratch) -> f64 {
-        let mut sum = 0.0;
-        self.sensor_rows(point, k, scratch, false, &mut |row| sum += (row.weight * row.residual).powi(2));
-        self.initial_rows(point, k, &mut |row| sum += row.residual * row.residual);
-        if self.linked(k) {
-            let Scratch { stepper, next, .. } = scratch;
-            let duration_s = self.series.duration_s(k);
-            stepper.step(&point.dynamics, point.state(k), self.series.input(k), duration_s, next);
-            for ((next, after), weight) in next.iter().zip(point.state(k + 1)).zip(&self.process_weight) {
-                sum += (weight * (next - after)).powi(2);
-            }
+    fn linearise(&self, point: &Point<'m>, first: usize, scratch: &mut Scratch, batch: &mut [Stage]) {
+        if let Some(fast) = &self.fast {
+            return self.linearise_wide(fast, point, first, &mut scratch.wide, batch);
         }
-        0.5 * sum
+        for (k, stage) in (first..).zip(batch) {
+            self.linearise_stage(point, k, scratch, stage);
+        }
     }
 
-    fn retract(&self, point: &Point<'m>, step: &Step) -> Point<'m> {
-        point.moved(step, &self.border, |z| self.model.at(z))
+    fn cost(&self, point: &Point<'m>, stages: Range<usize>, scratch: &mut Scratch) -> f64 {
+        if let Some(fast) = &self.fast {
+            return self.cost_wide(fast, point, stages, &mut scratch.wide);
+        }
+        0.5 * stages.map(|k| self.stage_squares(point, k, scratch)).sum::<f64>()
+    }
+
+    fn retract(&self, point: &Point<'m>, step: &Step, to: &mut Point<'m>) {
+        point.move_into(step, &self.border, |z| self.model.at(z), to);
     }
 }

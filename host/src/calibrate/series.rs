@@ -100,6 +100,17 @@ impl Series {
         }
     }
 
+    /// Takes out readings `(stage, channel)` and breaks the chain behind stage `gap`.
+    #[cfg(test)]
+    pub(super) fn spoil(&mut self, missing: &[(usize, usize)], gap: usize) {
+        for (k, channel) in missing {
+            self.measured[k * self.channels.len() + channel] = f64::NAN;
+        }
+        self.duration_s[gap] = f64::NAN;
+        let stages = self.stages();
+        self.segments = vec![0..gap + 1, gap + 1..stages];
+    }
+
     /// Number of stages.
     pub fn stages(&self) -> usize {
         self.duration_s.len()

@@ -93,7 +93,8 @@ pub(super) fn summarise<'m>(
         .map(|(gyro, r)| (format!("imu{}", gyro + 1), std::array::from_fn(|i| std::array::from_fn(|j| r[(i, j)]))))
         .collect();
     let (noise, fit) = channels(problem, end);
-    let unknowns = problem.stages() * problem.stage_size() + problem.border_size() - held.len();
+    let shape = problem.shape();
+    let unknowns = shape.stages * shape.stage + shape.border - held.len();
     Calibration {
         robot: robot.name.clone(),
         robot_toml: robot.toml().to_string(),
@@ -187,7 +188,7 @@ fn channels(problem: &Problem<'_>, end: &Point<'_>) -> (Vec<ChannelNoise>, Vec<C
     let mut residual = vec![(0usize, 0.0); specs.len()];
     let mut spread = vec![(0usize, 0.0, 0.0); specs.len()];
     let mut scratch = problem.scratch();
-    for k in 0..problem.stages() {
+    for k in 0..problem.shape().stages {
         problem.sensor_rows(end, k, &mut scratch, false, &mut |row| {
             if let Some(channel) = row.channel {
                 residual[channel].0 += 1;

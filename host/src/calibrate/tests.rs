@@ -6,7 +6,7 @@ use super::series::Series;
 use super::{Point, Preset, Problem, comparable_misalignments, start};
 use crate::model::Model;
 use crate::robot::Robot;
-use crate::solve::{LeastSquares, Step};
+use crate::solve::{BATCH, LeastSquares, Stage, Step};
 
 /// Doggy with a gyro that is read late, so that rows depend on the accelerations too.
 fn robot() -> Robot {
@@ -29,11 +29,56 @@ fn random_point<'m>(model: &'m Model, robot: &Robot, series: &Series, seed: u64)
     point
 }
 
+/// All whitened rows of the stages of the batch that stage k is in, `[∂r/∂x | ∂r/∂p | r]`, and those of the transition at its end.
+fn rows<'m>(problem: &Problem<'m>, point: &Point<'m>, k: usize) -> (Vec<Vec<f64>>, Vec<Vec<f64>>) {
+    let shape = problem.shape();
+    let first = k / BATCH * BATCH;
+    let mut batch = vec![Stage::empty(shape); BATCH.min(shape.stages - first)];
+    problem.linearise(point, first, &mut problem.scratch(), &mut batch);
+    let stage = &batch[k - first];
+    (stage.dense_rows(), stage.dense_transition())
+}
+
 /// All whitened residuals of stage k, in the order of its rows.
 fn residuals<'m>(problem: &Problem<'m>, point: &Point<'m>, k: usize) -> Vec<f64> {
-    let mut list = Vec::new();
-    problem.sensor_rows(point, k, &mut problem.scratch(), false, &mut |row| list.push(row.weight * row.residual));
-    list
+    rows(problem, point, k).0.into_iter().filter_map(|row| row.last().copied()).collect()
+}
+
+#[test]
+fn four_stages_at_once_are_those_of_the_generic_walk() {
+    let robot = Robot::builtin("doggy").unwrap();
+    let model = Model::new(&robot);
+    // A batch and a half; a gap, readings that are missing, and a rest.
+    let mut series = Series::made_up(&robot, 7, 3);
+    series.spoil(&[(1, 4), (2, 0), (4, 7)], 2);
+    for preset in [Preset::Default, Preset::Paper] {
+        let fast = Problem::new(&model, &robot, &series, preset.assumptions());
+        assert!(fast.fast.is_some(), "doggy is covered");
+        let generic = Problem::new(&model, &robot, &series, preset.assumptions()).generic();
+        let point = random_point(&model, &robot, &series, 5);
+        for k in 0..7 {
+            let (fast_rows, fast_step) = rows(&fast, &point, k);
+            let (slow_rows, step) = rows(&generic, &point, k);
+            assert_eq!((fast_rows.len(), fast_step.len()), (slow_rows.len(), step.len()), "{preset:?}, stage {k}");
+            assert_eq!(step.is_empty(), k == 2 || k == 6);
+            for (found, expected) in fast_rows.iter().zip(&slow_rows).chain(fast_step.iter().zip(&step)) {
+                let largest = expected.iter().fold(0.0f64, |a, b| a.max(b.abs()));
+                for (column, (found, expected)) in found.iter().zip(expected).enumerate() {
+                    // rtol 1e-12 of the row's largest entry
+                    let off = (found - expected).abs();
+                    assert!(off <= 1e-12 * largest, "{preset:?}, stage {k}, {column}: {found} against {expected}");
+                }
+            }
+        }
+        let cost = |problem: &Problem<'_>| problem.cost(&point, 0..7, &mut problem.scratch());
+        let (found, expected) = (cost(&fast), cost(&generic));
+        assert!((found / expected - 1.0).abs() < 1e-12, "{preset:?}: cost {found} against {expected}");
+        let squares = (0..7).flat_map(|k| {
+            let (rows, step) = rows(&fast, &point, k);
+            rows.into_iter().chain(step).map(|row| row[row.len() - 1].powi(2))
+        });
+        assert!((0.5 * squares.sum::<f64>() / found - 1.0).abs() < 1e-12, "{preset:?}: the cost is that of the rows");
+    }
 }
 
 #[test]
@@ -44,22 +89,24 @@ fn rows_of_both_presets_have_the_slopes_of_differences() {
     for preset in [Preset::Default, Preset::Paper] {
         let problem = Problem::new(&model, &robot, &series, preset.assumptions());
         let point = random_point(&model, &robot, &series, 8);
-        let (n, m) = (problem.stage_size(), problem.border_size());
+        let (n, m) = (problem.shape().stage, problem.shape().border);
         // Stage 0 has input zero and the paper's bias rows; stage 3 has input.
         for k in [0, 3] {
-            let slopes = problem.dense_rows(&point, k);
+            let (slopes, _) = rows(&problem, &point, k);
             let count = residuals(&problem, &point, k).len();
             assert!(count >= 7, "{preset:?}: {count} rows");
             for column in 0..n + m {
                 let moved = |sign: f64| {
-                    let mut step = Step { states: vec![0.0; problem.stages() * n], border: vec![0.0; m] };
+                    let mut step = Step { states: vec![0.0; problem.shape().stages * n], border: vec![0.0; m] };
                     let by = sign * 1e-6;
                     if column < n {
                         step.states[k * n + column] = by;
                     } else {
                         step.border[column - n] = by;
                     }
-                    residuals(&problem, &problem.retract(&point, &step), k)
+                    let mut to = point.clone();
+                    problem.retract(&point, &step, &mut to);
+                    residuals(&problem, &to, k)
                 };
                 for (row, (plus, minus)) in moved(1.0).iter().zip(moved(-1.0)).enumerate() {
                     let expected = (plus - minus) / 2e-6;

@@ -13,8 +13,8 @@ use crate::robot::{Friction, InputUnit, Robot, Side, Symbol, Transmission};
 #[derive(Debug, Clone)]
 pub(super) struct Drive {
     /// Volts (or what the torque constant multiplies) of one unit of input.
-    input_scale: f64,
-    friction: Friction,
+    pub(super) input_scale: f64,
+    pub(super) friction: Friction,
     torque_constant: Source,
     back_emf: Source,
     inertia: Source,
@@ -55,13 +55,13 @@ pub(super) struct RigidAction<T> {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Coefficients<T> {
     /// 1/b for elastic drives, b for rigid ones.
-    inertia: T,
+    pub(super) inertia: T,
     /// G, k_mi, μ: divided by b for elastic drives.
-    torque_constant: T,
-    back_emf: T,
-    coulomb: T,
-    stiffness: T,
-    damping: T,
+    pub(super) torque_constant: T,
+    pub(super) back_emf: T,
+    pub(super) coulomb: T,
+    pub(super) stiffness: T,
+    pub(super) damping: T,
 }
 
 impl<T: Copy> Coefficients<T> {

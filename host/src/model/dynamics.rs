@@ -24,9 +24,9 @@ type Lanes = DualSVec64<LANES>;
 #[derive(Debug, Clone)]
 pub struct Dynamics<'m> {
     pub(super) model: &'m Model,
-    coefficients: Vec<Coefficients<f64>>,
+    pub(super) coefficients: Vec<Coefficients<f64>>,
     /// For each joint: (coefficient, coordinate, ∂coefficient/∂coordinate).
-    slopes: Vec<Vec<(usize, usize, f64)>>,
+    pub(super) slopes: Vec<Vec<(usize, usize, f64)>>,
     pub(super) speed_of: Vec<Option<usize>>,
 }
 

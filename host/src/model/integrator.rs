@@ -35,21 +35,23 @@ pub struct Stepper {
     dk: Vec<f64>,
 }
 
-/// Stages of the classical method: (how far along the last slope the stage's state lies, the weight of its slope).
 const RUNGE_KUTTA_4: [(f64, f64); 4] = [(0.0, 1.0 / 6.0), (0.5, 1.0 / 3.0), (0.5, 1.0 / 3.0), (1.0, 1.0 / 6.0)];
 const EULER: [(f64, f64); 1] = [(0.0, 1.0)];
+
+impl Integrator {
+    /// The method's inner stages: (how far along the last slope the stage's state lies, the weight of its slope).
+    pub(super) fn stages(self) -> &'static [(f64, f64)] {
+        match self {
+            Integrator::Euler => &EULER,
+            Integrator::RungeKutta4 => &RUNGE_KUTTA_4,
+        }
+    }
+}
 
 impl Stepper {
     /// Scratch space for `integrator`.
     pub fn new(integrator: Integrator) -> Self {
         Stepper { integrator, linear: Linear::default(), x: vec![], k: vec![], dx: vec![], dk: vec![] }
-    }
-
-    fn stages(&self) -> &'static [(f64, f64)] {
-        match self.integrator {
-            Integrator::Euler => &EULER,
-            Integrator::RungeKutta4 => &RUNGE_KUTTA_4,
-        }
     }
 
     /// The state `duration_s` after `x` with the input `u` held, into `next`.
@@ -58,7 +60,7 @@ impl Stepper {
         self.k.clear();
         self.k.resize(x.len(), 0.0);
         next.copy_from_slice(x);
-        for &(along, weight) in self.stages() {
+        for &(along, weight) in self.integrator.stages() {
             for ((stage, x), k) in self.x.iter_mut().zip(x).zip(&self.k) {
                 *stage = x + along * duration_s * k;
             }
@@ -91,7 +93,7 @@ impl Stepper {
         for i in 0..size {
             out.slopes[i * columns + i] = 1.0;
         }
-        for (stage, &(along, weight)) in self.stages().iter().enumerate() {
+        for (stage, &(along, weight)) in self.integrator.stages().iter().enumerate() {
             let h = along * duration_s;
             for ((stage, x), k) in self.x.iter_mut().zip(x).zip(&self.k) {
                 *stage = x + h * k;

@@ -11,6 +11,7 @@
 
 mod drive;
 mod dynamics;
+pub mod fast;
 mod integrator;
 mod parameters;
 pub mod rotation;

@@ -5,14 +5,18 @@
 //! ```
 //!
 //! Stage k with block D, coupling E to the stage it is eliminated into, border part B and gradient g becomes
-//! `L Lᵀ = D`, `[Y | Z | y] = L⁻¹ [E | B | g]`; its neighbour's `[D | B | g]` loses `Yᵀ [Y | Z | y]`, the border loses `[Z | y]ᵀ [Z | y]`.
-//! L and `[Y | Z | y]` are kept for the back-substitution: `n(n+1)/2 + n·width` doubles a stage.
+//! `Uᵀ U = D`, `[Y | Z y] = U⁻ᵀ [E | B g]`; its neighbour's `[D | B g]` loses `Yᵀ [Y | Z y]`, the border loses `[Z y]ᵀ [Z y]`.
+//! Residuals and derivatives are made four stages at a time just before they are used (see [`sweep`](super::sweep)): Jacobians never go
+//! through memory. U and `[Y | Z y]` do, for the back-substitution: `n(n+4)/2 + n(n+m+1)` doubles a stage.
 //! The two sweeps and their order of summation are always the same, so results do not depend on the number of threads.
 
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
-use super::kernel::{self, MAX_STAGE_SIZE, Pivot, Product, STAGE_SIZES, Work, padded, triangle, vectorised};
-use super::{LeastSquares, Rows, Step, Transition};
+use super::kernel::{self, MAX_STAGE_SIZE, Pivot, triangle};
+use super::problem::{BATCH, Columns};
+use super::sweep::{Finish, Sweep, sweep_left, sweep_right};
+use super::{LeastSquares, Step};
+use crate::simd::{LANES, Quad, Simd, Work, vectorised};
 
 /// Why an elimination failed: a stage that its residuals do not determine.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -50,46 +54,29 @@ impl From<Singular> for SolveError {
     }
 }
 
-/// Sizes of the blocks, with their padding.
-#[derive(Debug, Clone, Copy)]
-struct Shape {
-    /// Unknowns of a stage.
-    stage: usize,
-    /// The compiled size it runs in.
-    padded_stage: usize,
-    /// Shared unknowns.
-    border: usize,
-    /// Shared unknowns and the right-hand side, padded.
-    border_width: usize,
-    /// `padded_stage + border_width`.
-    width: usize,
-}
-
-impl Shape {
-    fn of(problem: &impl LeastSquares) -> Result<Shape, SolveError> {
-        let stage = problem.stage_size();
-        let padded_stage =
-            STAGE_SIZES.into_iter().find(|&size| size >= stage).ok_or(SolveError::StageTooLarge { stage })?;
-        let border_width = padded(problem.border_size() + 1);
-        let border = problem.border_size();
-        Ok(Shape { stage, padded_stage, border, border_width, width: padded_stage + border_width })
-    }
-    fn kept(&self) -> usize {
-        triangle(self.padded_stage) + self.padded_stage * self.width
-    }
-}
-
 /// A factorised chain: what the back-substitution needs, and the reduced border system.
 #[derive(Debug)]
 pub struct Factor {
-    shape: Shape,
-    /// L and `[Y | Z | y]` of every stage.
+    columns: Columns,
+    /// U and `[Y | Z y]` of every stage.
     kept: Vec<f64>,
     /// The stage where the two sweeps meet.
     middle: usize,
-    /// `border_width²`: the Schur complement, its gradient, and Σ r² − Σ y² in the corner.
-    border: Vec<f64>,
+    /// The upper groups of the Schur complement with its gradient, and Σ r² − Σ y².
+    border: Vec<Quad>,
     linearise: Duration,
+}
+
+impl Columns {
+    /// Columns of `[Y | Z y]` that are kept.
+    pub(super) fn kept_columns(&self) -> usize {
+        self.padded_stage + self.shape.border + 1
+    }
+
+    /// Doubles that are kept of a stage.
+    pub(super) fn kept(&self) -> usize {
+        triangle(self.padded_stage) + self.padded_stage * self.kept_columns()
+    }
 }
 
 impl Factor {
@@ -98,12 +85,14 @@ impl Factor {
     /// # Errors
     /// [`SolveError::StageTooLarge`].
     pub fn new(problem: &impl LeastSquares) -> Result<Self, SolveError> {
-        let shape = Shape::of(problem)?;
+        let columns = Columns::of(problem.shape())?;
+        let stages = columns.shape.stages;
         Ok(Factor {
-            shape,
-            kept: vec![0.0; shape.kept() * problem.stages()],
-            middle: problem.stages() / 2,
-            border: vec![0.0; shape.border_width * shape.border_width],
+            columns,
+            kept: vec![0.0; columns.kept() * stages],
+            // Sweeps go by whole batches.
+            middle: stages / (2 * BATCH) * BATCH,
+            border: Vec::new(),
             linearise: Duration::ZERO,
         })
     }
@@ -124,92 +113,69 @@ impl Factor {
         damping: f64,
         threads: usize,
     ) -> Result<(), Singular> {
-        let (shape, middle) = (self.shape, self.middle);
-        let size = shape.kept();
+        let (columns, middle) = (self.columns, self.middle);
+        let size = columns.kept();
         let (left_kept, rest) = self.kept.split_at_mut(middle * size);
         let (middle_kept, right_kept) = rest.split_at_mut(size);
+        let mut left = || sweep_right(problem, point, columns, damping, left_kept);
+        let mut right = || sweep_left(problem, point, columns, damping, middle, right_kept);
         let (left, right) = if threads > 1 {
             std::thread::scope(|scope| {
-                let left = scope.spawn(|| sweep_right(problem, point, shape, damping, left_kept));
-                let right = sweep_left(problem, point, shape, damping, middle, right_kept);
+                let left = scope.spawn(left);
+                let right = right();
                 (left.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)), right)
             })
         } else {
-            (
-                sweep_right(problem, point, shape, damping, left_kept),
-                sweep_left(problem, point, shape, damping, middle, right_kept),
-            )
+            (left(), right())
         };
-        let (mut sweep, right) = (left?, right?);
-        self.linearise = sweep.linearise.max(right.linearise);
-        sweep.take_over(&right);
-        sweep.rows.clear();
-        problem.border_rows(point, &mut sweep.rows);
-        vectorised(AddRows { sweep: &mut sweep });
-        sweep.rows.clear();
-        problem.rows(point, middle, &mut problem.scratch(), &mut sweep.rows);
-        vectorised(AddRows { sweep: &mut sweep });
-        sweep.coupling.fill(0.0);
-        vectorised(Eliminate { sweep: &mut sweep, damping, kept: middle_kept })
+        let (left, mut sweep): (Sweep, Sweep) = (left?, right?);
+        self.linearise = left.linearise.max(sweep.linearise);
+        sweep.take_over(&left);
+        problem.border_rows(point, sweep.stage_for_border());
+        vectorised(Finish { sweep: &mut sweep, kept: middle_kept })
             .map_err(|pivot| Singular { stage: middle, pivot })?;
         self.border = sweep.border;
         Ok(())
     }
 
+    /// Entry (i, j) of the reduced border system, columns as [`Columns`] gives them.
+    fn reduced(&self, i: usize, j: usize) -> f64 {
+        let (i, j) = (i.min(j), i.max(j));
+        self.border[i * self.columns.border_groups + j / LANES].0[j % LANES]
+    }
+
     /// The reduced system of the border, `(S, g)` row-major m × m and m: the step solves `S δ = −g`. S is the information matrix of
     /// the shared unknowns with all states eliminated.
     pub fn schur(&self) -> (Vec<f64>, Vec<f64>) {
-        let (m, width) = (self.shape.border, self.shape.border_width);
-        let mut schur = vec![0.0; m * m];
-        for i in 0..m {
-            for j in 0..m {
-                // The two triangles differ by rounding only.
-                schur[i * m + j] = 0.5 * (self.border[i * width + j] + self.border[j * width + i]);
-            }
-        }
-        (schur, (0..m).map(|i| self.border[i * width + m]).collect())
+        let m = self.columns.shape.border;
+        let column = |j: usize| self.columns.shared(j);
+        let schur = (0..m * m).map(|at| self.reduced(column(at / m), column(at % m))).collect();
+        (schur, (0..m).map(|i| self.reduced(column(i), self.columns.right())).collect())
     }
 
     /// Σ r² that would be left if the states alone took their Gauss–Newton step.
     pub fn eliminated_square_sum(&self) -> f64 {
-        let (m, width) = (self.shape.border, self.shape.border_width);
-        self.border[m * width + m]
+        self.reduced(self.columns.right(), self.columns.right())
     }
 
-    /// The step of all states that goes with the step `border` of the shared unknowns.
-    pub fn back_substitute(&self, border: &[f64], threads: usize) -> Step {
-        let (shape, size, n) = (self.shape, self.shape.kept(), self.shape.stage);
-        let padded = shape.padded_stage;
-        // x = −L⁻ᵀ (y + Y x_neighbour + Z p), in place of the neighbour's x.
-        let solve = |k: usize, x: &mut Vec<f64>, own: &mut [f64]| {
-            let (l, t) = self.kept[k * size..(k + 1) * size].split_at(triangle(padded));
-            let mut right = [0.0; MAX_STAGE_SIZE];
-            for (right, row) in right.iter_mut().zip(t.chunks_exact(shape.width)) {
-                let (coupling, rest) = row.split_at(padded);
-                let shared: f64 = rest.iter().zip(border).map(|(z, p)| z * p).sum();
-                let chain: f64 = coupling.iter().zip(&*x).map(|(y, x)| y * x).sum();
-                *right = -(rest[shape.border] + shared + chain);
-            }
-            x.copy_from_slice(&right[..padded]);
-            kernel::backward(l, x);
-            own.copy_from_slice(&x[..n]);
-        };
-        let mut states = vec![0.0; self.kept.len() / size * n];
-        let (left_states, rest) = states.split_at_mut(self.middle * n);
+    /// Makes `step` the step of all states that goes with the step `border` of the shared unknowns.
+    pub fn back_substitute(&self, border: &[f64], threads: usize, step: &mut Step) {
+        let (columns, size, n) = (self.columns, self.columns.kept(), self.columns.shape.stage);
+        step.border.clear();
+        step.border.extend_from_slice(border);
+        step.states.resize(self.columns.shape.stages * n, 0.0);
+        let (left_states, rest) = step.states.split_at_mut(self.middle * n);
         let (middle_states, right_states) = rest.split_at_mut(n);
-        let mut middle = vec![0.0; padded];
-        solve(self.middle, &mut middle, middle_states);
+        let (left_kept, rest) = self.kept.split_at(self.middle * size);
+        let (middle_kept, right_kept) = rest.split_at(size);
+        let mut x = Substitution::new(columns, border);
+        vectorised(BackSubstitute { x: &mut x, kept: middle_kept, states: middle_states, backwards: false });
+        let mut right_x = x.clone();
         let mut left = || {
-            let mut x = middle.clone();
-            for (k, own) in left_states.chunks_exact_mut(n).enumerate().rev() {
-                solve(k, &mut x, own);
-            }
+            vectorised(BackSubstitute { x: &mut x, kept: left_kept, states: left_states, backwards: true });
         };
         let mut right = || {
-            let mut x = middle.clone();
-            for (k, own) in right_states.chunks_exact_mut(n).enumerate() {
-                solve(self.middle + 1 + k, &mut x, own);
-            }
+            vectorised(BackSubstitute { x: &mut right_x, kept: right_kept, states: right_states, backwards: false });
         };
         if threads > 1 {
             std::thread::scope(|scope| {
@@ -220,247 +186,92 @@ impl Factor {
             left();
             right();
         }
-        Step { states, border: border.to_vec() }
     }
 }
 
-fn add(a: &mut [f64], b: &[f64]) {
-    for (a, b) in a.iter_mut().zip(b) {
-        *a += b;
-    }
+/// What a stage's step is made of: `[x of the neighbour | shared unknowns, 1]`, in the columns that are kept.
+#[derive(Debug, Clone)]
+struct Substitution {
+    columns: Columns,
+    known: Vec<f64>,
+    own: Vec<Quad>,
 }
 
-/// The moving front of an elimination: the block of the stage that comes next, and everything its reduction needs.
-struct Sweep {
-    shape: Shape,
-    /// `[D | B | g]` of the stage at the front, with what has been eliminated into it.
-    block: Vec<f64>,
-    /// Diagonal of D before anything was taken off it: what damping multiplies.
-    diagonal: Vec<f64>,
-    /// This sweep's share of the border.
-    border: Vec<f64>,
-    /// E: the block that couples the stage at the front (rows) to the one it is eliminated into (columns).
-    coupling: Vec<f64>,
-    /// `[D | B | g]` of the stage that is eliminated into, and its diagonal.
-    next: Vec<f64>,
-    next_diagonal: Vec<f64>,
-    rows: Rows,
-    transition: Transition,
-    /// Time spent in the problem's own code.
-    linearise: Duration,
-}
-
-impl Sweep {
-    fn new(shape: Shape) -> Self {
-        let (n, width) = (shape.padded_stage, shape.width);
-        Sweep {
-            shape,
-            block: vec![0.0; n * width],
-            diagonal: vec![0.0; n],
-            border: vec![0.0; shape.border_width * shape.border_width],
-            coupling: vec![0.0; n * n],
-            next: vec![0.0; n * width],
-            next_diagonal: vec![0.0; n],
-            rows: Rows::new(shape.stage, n, shape.border, width),
-            transition: Transition::new(shape.stage, n, shape.border, width),
-            linearise: Duration::ZERO,
+impl Substitution {
+    fn new(columns: Columns, border: &[f64]) -> Self {
+        let mut known = vec![0.0; columns.kept_columns()];
+        known[columns.padded_stage + columns.right()] = 1.0;
+        for (j, value) in border.iter().enumerate() {
+            known[columns.padded_stage + columns.shared(j)] = *value;
         }
-    }
-
-    /// Linearises stage k, and the transition from stage `from` where it is linked.
-    fn linearise<P: LeastSquares>(
-        &mut self,
-        problem: &P,
-        point: &P::Point,
-        scratch: &mut P::Scratch,
-        k: usize,
-        from: usize,
-    ) -> bool {
-        let clock = Instant::now();
-        self.rows.clear();
-        problem.rows(point, k, scratch, &mut self.rows);
-        let linked = problem.linked(from);
-        if linked {
-            problem.transition(point, from, scratch, &mut self.transition);
-        }
-        self.linearise += clock.elapsed();
-        linked
-    }
-
-    /// Joins the front of the other sweep, at the stage where the two meet.
-    fn take_over(&mut self, other: &Sweep) {
-        add(&mut self.block, &other.block);
-        add(&mut self.diagonal, &other.diagonal);
-        add(&mut self.border, &other.border);
-    }
-
-    /// Makes the stage that was eliminated into the one at the front.
-    fn advance(&mut self) {
-        std::mem::swap(&mut self.block, &mut self.next);
-        std::mem::swap(&mut self.diagonal, &mut self.next_diagonal);
-        self.next.fill(0.0);
-        self.next_diagonal.fill(0.0);
-        self.coupling.fill(0.0);
-    }
-
-    /// Adds products of whitened rows to the block at the front (or the next one), its diagonal and the border.
-    #[inline(always)]
-    fn add_product<const FMA: bool>(
-        shape: Shape,
-        (block, diagonal): (&mut Vec<f64>, &mut Vec<f64>),
-        border: &mut [f64],
-        source: &[f64],
-    ) {
-        let (n, width) = (shape.padded_stage, shape.width);
-        let product = Product { source, rows: source.len() / width, stride: width, left_at: 0, right_at: 0 };
-        kernel::gram::<FMA>(block, width, n, product, 1.0);
-        for row in source.chunks_exact(width) {
-            for (diagonal, value) in diagonal.iter_mut().zip(&row[..n]) {
-                *diagonal += value * value;
-            }
-        }
-        let product = Product { left_at: n, right_at: n, ..product };
-        kernel::gram::<FMA>(border, shape.border_width, shape.border_width, product, 1.0);
+        Substitution { columns, known, own: vec![Quad::default(); columns.stage_groups] }
     }
 }
 
-/// Stages 0 … middle−1, each into its successor.
-fn sweep_right<P: LeastSquares>(
-    problem: &P,
-    point: &P::Point,
-    shape: Shape,
-    damping: f64,
-    kept: &mut [f64],
-) -> Result<Sweep, Singular> {
-    let mut sweep = Sweep::new(shape);
-    let mut scratch = problem.scratch();
-    for (k, kept) in kept.chunks_exact_mut(shape.kept()).enumerate() {
-        let linked = sweep.linearise(problem, point, &mut scratch, k, k);
-        vectorised(AddRows { sweep: &mut sweep });
-        if linked {
-            vectorised(AddTransition { sweep: &mut sweep, front_is_successor: false });
-        }
-        vectorised(Eliminate { sweep: &mut sweep, damping, kept }).map_err(|pivot| Singular { stage: k, pivot })?;
-        sweep.advance();
-    }
-    Ok(sweep)
+/// The steps of consecutive stages, from the first one to the last or from the last one to the first.
+struct BackSubstitute<'a> {
+    x: &'a mut Substitution,
+    kept: &'a [f64],
+    states: &'a mut [f64],
+    backwards: bool,
 }
 
-/// Stages N−1 … middle+1, each into its predecessor.
-fn sweep_left<P: LeastSquares>(
-    problem: &P,
-    point: &P::Point,
-    shape: Shape,
-    damping: f64,
-    middle: usize,
-    kept: &mut [f64],
-) -> Result<Sweep, Singular> {
-    let mut sweep = Sweep::new(shape);
-    let mut scratch = problem.scratch();
-    for (slot, kept) in kept.chunks_exact_mut(shape.kept()).enumerate().rev() {
-        let k = middle + 1 + slot;
-        let linked = sweep.linearise(problem, point, &mut scratch, k, k - 1);
-        vectorised(AddRows { sweep: &mut sweep });
-        if linked {
-            vectorised(AddTransition { sweep: &mut sweep, front_is_successor: true });
-        }
-        vectorised(Eliminate { sweep: &mut sweep, damping, kept }).map_err(|pivot| Singular { stage: k, pivot })?;
-        sweep.advance();
-    }
-    Ok(sweep)
-}
-
-/// Adds `Σ rowᵀ row` of the stage's own rows.
-struct AddRows<'a> {
-    sweep: &'a mut Sweep,
-}
-
-impl Work for AddRows<'_> {
+impl Work for BackSubstitute<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn run<const FMA: bool>(self) {
-        let Sweep { shape, block, diagonal, border, rows, .. } = self.sweep;
-        Sweep::add_product::<FMA>(*shape, (block, diagonal), border, rows.values());
-    }
-}
-
-/// Adds a transition: its source stage sees wΦ, its successor −w. Either may be the one at the front.
-struct AddTransition<'a> {
-    sweep: &'a mut Sweep,
-    front_is_successor: bool,
-}
-
-impl Work for AddTransition<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<const FMA: bool>(self) {
-        let Sweep { shape, block, diagonal, border, coupling, next, next_diagonal, transition, .. } = self.sweep;
-        let (n, width) = (shape.padded_stage, shape.width);
-        let w = &transition.weight;
-        for (row, w) in transition.values.chunks_exact_mut(width).zip(w) {
-            for value in row {
-                *value *= w;
-            }
-        }
-        let r = &transition.values;
-        let (source, successor) = if self.front_is_successor {
-            ((next, next_diagonal), (block, diagonal))
-        } else {
-            ((block, diagonal), (next, next_diagonal))
-        };
-        Sweep::add_product::<FMA>(*shape, source, border, r);
-        let (block, diagonal) = successor;
-        for i in 0..n {
-            let row = &mut block[i * width..(i + 1) * width];
-            row[i] += w[i] * w[i];
-            diagonal[i] += w[i] * w[i];
-            for (b, r) in row[n..].iter_mut().zip(&r[i * width + n..(i + 1) * width]) {
-                *b -= w[i] * r;
-            }
-        }
-        for i in 0..n {
-            for j in 0..n {
-                // ∂/∂(successor i) ∂/∂(source j) of ½ (wΦ x − w x')²
-                let (front, other) = if self.front_is_successor { (i, j) } else { (j, i) };
-                coupling[front * n + other] = -w[i] * r[i * width + j];
-            }
+    fn run<S: Simd>(self, simd: S) {
+        let columns = self.x.columns;
+        let (size, n) = (columns.kept(), columns.shape.stage);
+        let count = self.states.len() / n;
+        for i in 0..count {
+            let k = if self.backwards { count - 1 - i } else { i };
+            self.x.stage(simd, &self.kept[k * size..(k + 1) * size]);
+            let own = &mut self.states[k * n..(k + 1) * n];
+            own.copy_from_slice(&self.x.known[..n]);
         }
     }
 }
 
-/// Eliminates the stage at the front: keeps L and `[Y | Z | y]`, reduces the next stage and the border.
-struct Eliminate<'a> {
-    sweep: &'a mut Sweep,
-    damping: f64,
-    kept: &'a mut [f64],
-}
-
-impl Work for Eliminate<'_> {
-    type Output = Result<(), Pivot>;
-
+impl Substitution {
+    /// x = −U⁻¹ ([Y | Z y] [x' | p, 1]), which then takes the place of x'.
     #[inline(always)]
-    fn run<const FMA: bool>(self) -> Result<(), Pivot> {
-        let Sweep { shape, block, diagonal, border, coupling, next, .. } = self.sweep;
-        let (n, width) = (shape.padded_stage, shape.width);
-        for i in 0..n {
-            block[i * width + i] += self.damping * diagonal[i];
-            if i >= shape.stage {
-                block[i * width + i] = 1.0;
+    fn stage<S: Simd>(&mut self, simd: S, kept: &[f64]) {
+        let (n, width) = (self.columns.padded_stage, self.columns.kept_columns());
+        let (u, rest) = kept.split_at(triangle(n));
+        let whole = width / LANES * LANES;
+        for (rows, own) in rest.chunks_exact(LANES * width).zip(&mut self.own) {
+            let mut sums = [simd.splat(0.0); LANES];
+            // What does not wait for the neighbour comes first.
+            let mut at = n;
+            while at < whole {
+                let known = simd.load(kernel::quad(&self.known, at));
+                for (r, sum) in sums.iter_mut().enumerate() {
+                    *sum = simd.mul_add(simd.load(kernel::quad(rows, r * width + at)), known, *sum);
+                }
+                at += LANES;
             }
+            let mut at = 0;
+            while at < n {
+                let known = simd.load(kernel::quad(&self.known, at));
+                for (r, sum) in sums.iter_mut().enumerate() {
+                    *sum = simd.mul_add(simd.load(kernel::quad(rows, r * width + at)), known, *sum);
+                }
+                at += LANES;
+            }
+            let mut right = kernel::add_across(simd, sums);
+            for (r, right) in right.iter_mut().enumerate() {
+                for at in whole..width {
+                    *right += rows[r * width + at] * self.known[at];
+                }
+                *right = -*right;
+            }
+            *own = Quad(right);
         }
-        let (l, t) = self.kept.split_at_mut(triangle(n));
-        for i in 0..n {
-            let row = &mut t[i * width..(i + 1) * width];
-            row[..n].copy_from_slice(&coupling[i * n..(i + 1) * n]);
-            row[n..].copy_from_slice(&block[i * width + n..(i + 1) * width]);
+        kernel::backward(simd, u, &mut self.own);
+        debug_assert!(n <= MAX_STAGE_SIZE);
+        for (known, own) in self.known.chunks_exact_mut(LANES).zip(&self.own) {
+            known.copy_from_slice(&own.0);
         }
-        kernel::factor_and_solve::<FMA>(n, block, width, l, t)?;
-        let product = Product { source: t, rows: n, stride: width, left_at: n, right_at: n };
-        kernel::gram::<FMA>(border, shape.border_width, shape.border_width, product, -1.0);
-        let product = Product { left_at: 0, right_at: 0, ..product };
-        kernel::gram::<FMA>(next, width, n, product, -1.0);
-        Ok(())
     }
 }

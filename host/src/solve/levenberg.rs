@@ -94,21 +94,18 @@ pub struct Solution<P> {
     pub iterations: Vec<Iteration>,
     /// Where the time went.
     pub seconds: Seconds,
-    /// The factor at the final point, undamped.
+    /// The undamped factor at the final point (or before a last step that changed the cost by less than the tolerance).
     pub factor: Factor,
 }
 
 /// Sum of ½ Σ r² over all stages; partial sums over fixed runs of stages make it independent of the number of threads.
 pub fn total_cost<P: LeastSquares>(problem: &P, point: &P::Point, threads: usize) -> f64 {
     const RUN: usize = 2048;
-    let runs = problem.stages().div_ceil(RUN);
+    let stages = problem.shape().stages;
+    let runs = stages.div_ceil(RUN);
     let sum_runs = |runs: std::ops::Range<usize>| -> Vec<f64> {
         let mut scratch = problem.scratch();
-        runs.map(|run| {
-            let stages = run * RUN..((run + 1) * RUN).min(problem.stages());
-            stages.map(|k| problem.cost(point, k, &mut scratch)).sum()
-        })
-        .collect()
+        runs.map(|run| problem.cost(point, run * RUN..((run + 1) * RUN).min(stages), &mut scratch)).collect()
     };
     let sums: Vec<f64> = if threads > 1 && runs > 1 {
         let half = runs / 2;
@@ -140,11 +137,16 @@ pub fn minimise<P: LeastSquares>(
     let mut seconds = Seconds::default();
     let mut factor = Factor::new(problem)?;
     let mut point = start;
+    // Reused from step to step: fresh memory costs more than the arithmetic on it.
+    let mut trial = point.clone();
+    let mut step = Step::default();
     let mut cost = total_cost(problem, &point, settings.threads);
     let mut damping = settings.initial_damping;
     let mut state_damping = 0.0;
     let mut iterations: Vec<Iteration> = Vec::new();
     let mut status = Status::IterationLimit;
+    // Whether the factor is undamped and belongs to the final point, or to one that the tolerance does not tell from it.
+    let mut factor_is_final = false;
 
     while iterations.len() < settings.max_iterations {
         let clock = Instant::now();
@@ -174,13 +176,13 @@ pub fn minimise<P: LeastSquares>(
                 continue;
             };
             let promised = states_promise + border_promise;
-            let step: Step = factor.back_substitute(&shared, settings.threads);
-            let trial = problem.retract(&point, &step);
+            factor.back_substitute(&shared, settings.threads, &mut step);
+            problem.retract(&point, &step, &mut trial);
             let trial_cost = total_cost(problem, &trial, settings.threads);
             // NaN counts as a rejection.
             if trial_cost < cost {
                 let ratio = (cost - trial_cost) / promised;
-                accepted = Some((trial, trial_cost, damping));
+                accepted = Some((trial_cost, damping));
                 damping *= if ratio > 0.5 {
                     0.1
                 } else if ratio < 0.1 {
@@ -196,7 +198,8 @@ pub fn minimise<P: LeastSquares>(
             damping = (damping * 10.0).max(1e-9);
         }
         seconds.solve += clock.elapsed().as_secs_f64();
-        let Some((trial, trial_cost, used)) = accepted else {
+        factor_is_final = state_damping == 0.0;
+        let Some((trial_cost, used)) = accepted else {
             if undamped_promise <= settings.relative_cost_change * cost {
                 status = Status::Converged;
                 break;
@@ -215,7 +218,7 @@ pub fn minimise<P: LeastSquares>(
             break;
         };
         let change = (cost - trial_cost) / trial_cost.max(f64::MIN_POSITIVE);
-        point = trial;
+        std::mem::swap(&mut point, &mut trial);
         cost = trial_cost;
         let iteration = Iteration { cost, damping: used, trials };
         progress(iterations.len() + 1, &iteration);
@@ -225,15 +228,18 @@ pub fn minimise<P: LeastSquares>(
             status = Status::Converged;
             break;
         }
+        factor_is_final = false;
         state_damping = if state_damping > 1e-9 { state_damping * 0.01 } else { 0.0 };
     }
 
-    let clock = Instant::now();
-    factor.factorise(problem, &point, 0.0, settings.threads).or_else(|_| {
-        // A stage that only damping determines: its states keep what little damping they need.
-        factor.factorise(problem, &point, 1e-12, settings.threads)
-    })?;
-    seconds.add(&clock, &factor);
+    if !factor_is_final {
+        let clock = Instant::now();
+        factor.factorise(problem, &point, 0.0, settings.threads).or_else(|_| {
+            // A stage that only damping determines: its states keep what little damping they need.
+            factor.factorise(problem, &point, 1e-12, settings.threads)
+        })?;
+        seconds.add(&clock, &factor);
+    }
     seconds.total = begin.elapsed().as_secs_f64();
     Ok(Solution { point, cost, status, iterations, seconds, factor })
 }

@@ -6,7 +6,7 @@
 //!                          border: m shared unknowns
 //! ```
 //!
-//! Residuals touch one stage and the border ([`Rows`]) or carry a stage into the next one, `x[k+1] = φ(x[k], p)` ([`Transition`]).
+//! Residuals touch one stage and the border, or carry a stage into the next one, `x[k+1] = φ(x[k], p)`: a problem fills them into [`Stage`]s.
 //! The Gauss–Newton matrix is then block tridiagonal with a dense border, and one elimination sweep costs O(N):
 //! [`factor`] runs it from both ends inwards on two threads, [`border`] holds what is left for the shared unknowns (the Schur
 //! complement, which is their information matrix), [`levenberg`] iterates, [`kernel`] has the small dense loops.
@@ -16,7 +16,8 @@ pub mod factor;
 pub mod kernel;
 pub mod levenberg;
 mod problem;
+mod sweep;
 #[cfg(test)]
 mod tests;
 
-pub use problem::{LeastSquares, Rows, Step, Transition};
+pub use problem::{BATCH, LeastSquares, Row, Shape, Stage, Step};

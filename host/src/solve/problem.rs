@@ -1,88 +1,348 @@
 //! What a problem hands to the solver: whitened residual rows, transitions and a retraction.
+//!
+//! ```text
+//! columns of a row   | ∂r/∂x, n | ∂r/∂p of the leading shared unknowns | r | ∂r/∂p of the others |
+//! transition rows     ──────────────────────────────────────────────────
+//! sensor rows         ─────                                             ─────────────────────────    (x: the first few components)
+//! other rows          ───────────────────────────────────────────────────────────────────────────
+//! ```
+//! The leading shared unknowns are those that transitions depend on. The solver multiplies the underlined parts only.
 
-/// Whitened residual rows of one stage, each `[∂r/∂x (n) | ∂r/∂p (m) | r]`.
-///
-/// The rows are laid out with a stride that the solver's kernels like; fill them through [`Rows::push`].
-#[derive(Debug, Clone)]
-pub struct Rows {
-    values: Vec<f64>,
-    stage: usize,
-    padded_stage: usize,
-    border: usize,
-    width: usize,
-    count: usize,
+use std::ops::Range;
+
+use super::factor::SolveError;
+use super::kernel::{STAGE_SIZES, groups, transposed};
+use crate::simd::{LANES, Quad, Simd};
+
+/// Stages that are linearised together.
+pub const BATCH: usize = LANES;
+
+/// Sizes of the blocks.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Shape {
+    /// Number of stages N.
+    pub stages: usize,
+    /// Unknowns of a stage, n.
+    pub stage: usize,
+    /// Shared unknowns, m.
+    pub border: usize,
+    /// How many of the shared unknowns, the first ones, transitions depend on.
+    pub leading: usize,
+    /// How many of a stage's unknowns, the first ones, its sensor rows depend on.
+    pub sensed: usize,
 }
 
-impl Rows {
-    /// Room for rows over `stage` and `border` unknowns, stored `padded_stage` and `width` wide.
-    pub(super) fn new(stage: usize, padded_stage: usize, border: usize, width: usize) -> Self {
-        Rows { values: Vec::new(), stage, padded_stage, border, width, count: 0 }
+/// The columns that the solver gives them.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Columns {
+    pub shape: Shape,
+    /// The compiled size a stage runs in, and its groups.
+    pub padded_stage: usize,
+    pub stage_groups: usize,
+    /// Groups of the shared unknowns and the right-hand side.
+    pub border_groups: usize,
+    /// Groups of them that transitions touch, the right-hand side included.
+    pub leading_groups: usize,
+    /// The first of them that sensor rows touch.
+    pub sensor_group: usize,
+    /// Groups of the stage that sensor rows touch.
+    pub sensed_groups: usize,
+}
+
+impl Columns {
+    pub(super) fn of(shape: Shape) -> Result<Self, SolveError> {
+        let stage = shape.stage;
+        let padded_stage =
+            STAGE_SIZES.into_iter().find(|&size| size >= stage).ok_or(SolveError::StageTooLarge { stage })?;
+        Ok(Columns {
+            shape,
+            padded_stage,
+            stage_groups: groups(padded_stage),
+            border_groups: groups(shape.border + 1),
+            leading_groups: groups(shape.leading + 1),
+            sensor_group: shape.leading / LANES,
+            sensed_groups: groups(shape.sensed),
+        })
+    }
+
+    /// The column of shared unknown j, among those of the border.
+    pub(super) fn shared(&self, j: usize) -> usize {
+        if j < self.shape.leading { j } else { j + 1 }
+    }
+
+    /// The column of the right-hand side, among those of the border.
+    #[inline(always)]
+    pub(super) fn right(&self) -> usize {
+        self.shape.leading
+    }
+
+    /// Groups of a front: the stage, the one it is eliminated into, the border.
+    #[inline(always)]
+    pub(super) fn front(&self) -> usize {
+        2 * self.stage_groups + self.border_groups
+    }
+}
+
+/// Rows of the same reach: `[x | border]` from the first column that they touch to the last.
+#[derive(Debug, Clone)]
+pub(super) struct Panel {
+    pub values: Vec<Quad>,
+    pub rows: usize,
+    pub stage_groups: usize,
+    /// Groups of the border.
+    pub border: Range<usize>,
+}
+
+impl Panel {
+    fn new(stage_groups: usize, border: Range<usize>) -> Self {
+        Panel { values: Vec::new(), rows: 0, stage_groups, border }
+    }
+
+    #[inline(always)]
+    pub(super) fn stride(&self) -> usize {
+        self.stage_groups + self.border.len()
+    }
+
+    #[inline(always)]
+    pub(super) fn values(&self) -> &[Quad] {
+        &self.values[..self.rows * self.stride()]
+    }
+
+    /// Makes room for `rows` rows without touching those that are there.
+    fn resize(&mut self, rows: usize) {
+        self.rows = rows;
+        let size = rows * self.stride();
+        if self.values.len() < size {
+            self.values.resize(size, Quad::default());
+        }
+    }
+
+    /// Row `at`, cleared, with its residual.
+    fn row(&mut self, at: usize, columns: &Columns, residual: f64) -> Row<'_> {
+        let stride = self.stride();
+        let values = &mut self.values[at * stride..(at + 1) * stride];
+        values.fill(Quad::default());
+        let mut row = Row {
+            values,
+            border: self.stage_groups * LANES,
+            first_shared: self.border.start * LANES,
+            leading: columns.shape.leading,
+        };
+        *row.at(row.border + columns.right() - row.first_shared) = residual;
+        row
+    }
+}
+
+/// The gradient of one residual row.
+#[derive(Debug)]
+pub struct Row<'a> {
+    values: &'a mut [Quad],
+    /// Where the border's columns begin, and which of them is the first here.
+    border: usize,
+    first_shared: usize,
+    leading: usize,
+}
+
+impl Row<'_> {
+    #[inline(always)]
+    fn at(&mut self, column: usize) -> &mut f64 {
+        &mut self.values[column / LANES].0[column % LANES]
+    }
+
+    /// Adds to ∂r/∂x of component i.
+    #[inline(always)]
+    pub fn add_state(&mut self, i: usize, slope: f64) {
+        *self.at(i) += slope;
+    }
+
+    /// Adds to ∂r/∂p of shared unknown j.
+    #[inline(always)]
+    pub fn add_shared(&mut self, j: usize, slope: f64) {
+        let column = if j < self.leading { j } else { j + 1 };
+        *self.at(self.border + column - self.first_shared) += slope;
+    }
+}
+
+/// A residual that is one state component times a factor, plus a constant.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct UnitRow {
+    pub component: usize,
+    pub slope: f64,
+    pub residual: f64,
+}
+
+/// Everything that one stage adds: its rows, and the transition into the next one, `r = w ∘ (φ(x[k], p) − x[k+1])`.
+#[derive(Debug, Clone)]
+pub struct Stage {
+    pub(super) columns: Columns,
+    pub(super) units: Vec<UnitRow>,
+    pub(super) sensors: Panel,
+    pub(super) others: Panel,
+    /// Whitened: `w [∂φ/∂x | ∂φ/∂p | φ − x[k+1]]`.
+    pub(super) transition: Panel,
+    /// w = 1/σ of each row of the transition.
+    pub(super) weight: Vec<Quad>,
+    pub(super) linked: bool,
+}
+
+impl Stage {
+    pub(super) fn new(columns: Columns) -> Self {
+        let mut transition = Panel::new(columns.stage_groups, 0..columns.leading_groups);
+        transition.resize(columns.padded_stage);
+        Stage {
+            columns,
+            units: Vec::new(),
+            sensors: Panel::new(columns.sensed_groups, columns.sensor_group..columns.border_groups),
+            others: Panel::new(columns.stage_groups, 0..columns.border_groups),
+            transition,
+            weight: vec![Quad::default(); columns.stage_groups],
+            linked: false,
+        }
     }
 
     /// Forgets all rows.
-    pub(super) fn clear(&mut self) {
-        self.count = 0;
+    pub fn clear(&mut self) {
+        self.units.clear();
+        self.sensors.rows = 0;
+        self.others.rows = 0;
+        self.linked = false;
     }
 
-    /// Appends a row with residual `residual`, all derivatives zero, and gives its two gradient parts `(∂r/∂x, ∂r/∂p)` to fill.
-    pub fn push(&mut self, residual: f64) -> (&mut [f64], &mut [f64]) {
-        let start = self.count * self.width;
-        if self.values.len() < start + self.width {
-            self.values.resize(start + self.width, 0.0);
+    /// Adds a row that touches anything; its gradient is zero until it is filled.
+    pub fn row(&mut self, residual: f64) -> Row<'_> {
+        let at = self.others.rows;
+        self.others.resize(at + 1);
+        self.others.row(at, &self.columns, residual)
+    }
+
+    /// Adds a row that touches only the leading [`Shape::sensed`] components of the state, and no leading shared unknowns.
+    pub fn sensor_row(&mut self, residual: f64) -> Row<'_> {
+        let at = self.sensors.rows;
+        self.sensors.resize(at + 1);
+        self.sensors.row(at, &self.columns, residual)
+    }
+
+    /// Adds the row `residual + slope · δx[component]`.
+    pub fn unit_row(&mut self, component: usize, slope: f64, residual: f64) {
+        self.units.push(UnitRow { component, slope, residual });
+    }
+
+    /// Sets row i of the transition: its weight 1/σ, its whitened defect (φᵢ − x[k+1]ᵢ)/σ; its whitened gradient is zero until it is filled.
+    /// All n rows of a transition are set, whatever order.
+    pub fn transition_row(&mut self, i: usize, weight: f64, residual: f64) -> Row<'_> {
+        self.linked = true;
+        self.weight[i / LANES].0[i % LANES] = weight;
+        self.transition.row(i, &self.columns, residual)
+    }
+
+    /// An empty stage of a problem of this shape.
+    #[cfg(test)]
+    pub(crate) fn empty(shape: Shape) -> Self {
+        Stage::new(Columns::of(shape).unwrap())
+    }
+
+    /// Sets the transitions of a whole batch. Lane l of the quads belongs to stage l: `slopes` is ∂φ/∂x and ∂φ/∂p of the leading shared
+    /// unknowns, n rows of n + leading; `defect` is φ − x[k+1]; `weight` is 1/σ. Lanes that are not `linked` are left out.
+    #[inline(always)]
+    pub fn set_transitions<S: Simd>(
+        simd: S,
+        batch: &mut [Stage],
+        linked: [bool; BATCH],
+        weight: &[f64],
+        slopes: &[Quad],
+        defect: &[Quad],
+    ) {
+        let Some(first) = batch.first() else { return };
+        let columns = first.columns;
+        let (n, leading) = (columns.shape.stage, columns.shape.leading);
+        for (stage, linked) in batch.iter_mut().zip(linked) {
+            stage.linked = linked;
+            for (i, w) in weight.iter().enumerate() {
+                stage.weight[i / LANES].0[i % LANES] = *w;
+            }
         }
-        self.count += 1;
-        let row = &mut self.values[start..start + self.width];
-        row.fill(0.0);
-        let (x, rest) = row.split_at_mut(self.padded_stage);
-        rest[self.border] = residual;
-        (&mut x[..self.stage], &mut rest[..self.border])
+        let stride = transition_stride(&columns);
+        for i in 0..n {
+            let row = &slopes[i * (n + leading)..(i + 1) * (n + leading)];
+            let w = simd.splat(weight[i]);
+            for group in 0..stride {
+                // The columns of this group, each four stages wide.
+                let mut block = [[0.0; LANES]; LANES];
+                for (c, lanes) in block.iter_mut().enumerate() {
+                    let source = if group < columns.stage_groups {
+                        let column = group * LANES + c;
+                        if column < n { &row[column] } else { continue }
+                    } else {
+                        let column = (group - columns.stage_groups) * LANES + c;
+                        match column.cmp(&leading) {
+                            std::cmp::Ordering::Less => &row[n + column],
+                            std::cmp::Ordering::Equal => &defect[i],
+                            std::cmp::Ordering::Greater => continue,
+                        }
+                    };
+                    *lanes = simd.store(simd.mul(simd.load(&source.0), w));
+                }
+                let block = transposed(block);
+                for (stage, quad) in batch.iter_mut().zip(block) {
+                    stage.transition.values[i * stride + group] = Quad(quad);
+                }
+            }
+        }
     }
 
-    /// All rows, `count × width`, row-major.
-    pub(super) fn values(&self) -> &[f64] {
-        &self.values[..self.count * self.width]
+    /// The whitened rows that are no transition, dense: `[∂r/∂x | ∂r/∂p | r]`.
+    #[cfg(test)]
+    pub(crate) fn dense_rows(&self) -> Vec<Vec<f64>> {
+        let shape = &self.columns.shape;
+        let (n, m) = (shape.stage, shape.border);
+        let mut rows = Vec::new();
+        for unit in &self.units {
+            let mut row = vec![0.0; n + m + 1];
+            row[unit.component] = unit.slope;
+            row[n + m] = unit.residual;
+            rows.push(row);
+        }
+        for panel in [&self.sensors, &self.others] {
+            rows.extend(self.dense(panel));
+        }
+        rows
+    }
+
+    /// The whitened transition, dense: `[∂r/∂x | ∂r/∂p | r]`; empty where there is none.
+    #[cfg(test)]
+    pub(crate) fn dense_transition(&self) -> Vec<Vec<f64>> {
+        if self.linked { self.dense(&self.transition)[..self.columns.shape.stage].to_vec() } else { Vec::new() }
+    }
+
+    #[cfg(test)]
+    fn dense(&self, panel: &Panel) -> Vec<Vec<f64>> {
+        let shape = &self.columns.shape;
+        let (n, m) = (shape.stage, shape.border);
+        let dense = |values: &[Quad]| {
+            let value = |column: usize| values[column / LANES].0[column % LANES];
+            let border = |column: usize| {
+                let from = panel.border.start * LANES;
+                let inside = column >= from && column < panel.border.end * LANES;
+                if inside { value(panel.stage_groups * LANES + column - from) } else { 0.0 }
+            };
+            let mut row: Vec<f64> =
+                (0..n).map(|i| if i < panel.stage_groups * LANES { value(i) } else { 0.0 }).collect();
+            row.extend((0..m).map(|j| border(self.columns.shared(j))));
+            row.push(border(self.columns.right()));
+            row
+        };
+        panel.values().chunks_exact(panel.stride()).map(dense).collect()
     }
 }
 
-/// The transition of stage k into stage k+1 with its weights: the residual is `w ∘ (φ(x[k], p) − x[k+1])`, unweighted here.
-#[derive(Debug, Clone)]
-pub struct Transition {
-    /// `n × width`, row i is `[∂φᵢ/∂x (n, padded) | ∂φᵢ/∂p (m) | φᵢ − x[k+1]ᵢ]`.
-    pub(super) values: Vec<f64>,
-    /// 1/σ of each of the n rows.
-    pub(super) weight: Vec<f64>,
-    padded_stage: usize,
-    border: usize,
-    width: usize,
-    stage: usize,
-}
-
-impl Transition {
-    /// An empty transition; the padding unknowns are tied to nothing (weight zero).
-    pub(super) fn new(stage: usize, padded_stage: usize, border: usize, width: usize) -> Self {
-        Transition {
-            values: vec![0.0; padded_stage * width],
-            weight: vec![0.0; padded_stage],
-            padded_stage,
-            border,
-            width,
-            stage,
-        }
-    }
-
-    /// Sets row i: its weight 1/σ and its defect φᵢ − x[k+1]ᵢ; gives the zeroed gradient parts `(∂φᵢ/∂x, ∂φᵢ/∂p)` to fill.
-    pub fn row(&mut self, i: usize, weight: f64, defect: f64) -> (&mut [f64], &mut [f64]) {
-        self.weight[i] = weight;
-        let row = &mut self.values[i * self.width..(i + 1) * self.width];
-        row.fill(0.0);
-        let (x, rest) = row.split_at_mut(self.padded_stage);
-        rest[self.border] = defect;
-        (&mut x[..self.stage], &mut rest[..self.border])
-    }
+/// Groups of a transition's row.
+#[inline(always)]
+fn transition_stride(columns: &Columns) -> usize {
+    columns.stage_groups + columns.leading_groups
 }
 
 /// A step in tangent space: `states[k·n + i]` and `border[j]`.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct Step {
     /// Change of every stage's unknowns, `stages × n`, row-major.
     pub states: Vec<f64>,
@@ -100,26 +360,24 @@ pub trait LeastSquares: Sync {
     /// Makes a scratch space.
     fn scratch(&self) -> Self::Scratch;
 
-    /// Number of stages N.
-    fn stages(&self) -> usize;
-    /// Unknowns of a stage, n.
-    fn stage_size(&self) -> usize;
-    /// Shared unknowns, m.
-    fn border_size(&self) -> usize;
-    /// Whether stage k is carried into stage k+1 (false at a gap and at the last stage).
-    fn linked(&self, k: usize) -> bool;
-    /// Pushes the whitened residual rows of stage k at `point`.
-    fn rows(&self, point: &Self::Point, k: usize, scratch: &mut Self::Scratch, rows: &mut Rows);
-    /// Fills all n rows of the transition k → k+1 at `point`; only called where [`linked`](Self::linked).
-    fn transition(&self, point: &Self::Point, k: usize, scratch: &mut Self::Scratch, transition: &mut Transition);
-    /// Whitened residual rows of the border alone (priors on shared unknowns); none by default.
-    fn border_rows(&self, _point: &Self::Point, _rows: &mut Rows) {}
-    /// ½ Σ r² of the residuals that start at stage k (its rows and its transition).
-    fn cost(&self, point: &Self::Point, k: usize, scratch: &mut Self::Scratch) -> f64;
+    /// Sizes.
+    fn shape(&self) -> Shape;
+
+    /// Fills `batch` with the stages from `first` on: their rows, and their transitions where they are linked to the next stage (not at
+    /// a gap, nor at the last stage). The stages come as they were used last: [`Stage::clear`] them. `first` is a multiple of [`BATCH`].
+    fn linearise(&self, point: &Self::Point, first: usize, scratch: &mut Self::Scratch, batch: &mut [Stage]);
+
+    /// Adds whitened residual rows of the border alone (priors on shared unknowns) to `stage`; none by default.
+    fn border_rows(&self, _point: &Self::Point, _stage: &mut Stage) {}
+
+    /// ½ Σ r² of the residuals that start at `stages` (their rows and their transitions). `stages` starts at a multiple of [`BATCH`].
+    fn cost(&self, point: &Self::Point, stages: Range<usize>, scratch: &mut Self::Scratch) -> f64;
+
     /// ½ Σ r² of the border's own rows.
     fn border_cost(&self, _point: &Self::Point) -> f64 {
         0.0
     }
-    /// The point reached from `point` by `step`, x ⊞ δ.
-    fn retract(&self, point: &Self::Point, step: &Step) -> Self::Point;
+
+    /// Makes `to` the point reached from `point` by `step`, x ⊞ δ.
+    fn retract(&self, point: &Self::Point, step: &Step, to: &mut Self::Point);
 }

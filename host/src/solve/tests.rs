@@ -6,7 +6,7 @@ use rand::{RngExt, SeedableRng, rngs::StdRng};
 use super::border::Border;
 use super::factor::Factor;
 use super::levenberg::{Settings, Status, minimise};
-use super::{LeastSquares, Rows, Step, Transition};
+use super::{LeastSquares, Shape, Stage, Step};
 
 /// ∂r/∂x, ∂r/∂p, r.
 type RandomRow = (Vec<f64>, Vec<f64>, f64);
@@ -17,6 +17,8 @@ type RandomStep = (Vec<f64>, Vec<f64>, f64, f64);
 struct Random {
     n: usize,
     m: usize,
+    leading: usize,
+    sensed: usize,
     rows: Vec<Vec<RandomRow>>,
     transitions: Vec<Option<Vec<RandomStep>>>,
     border: (Vec<f64>, f64),
@@ -26,15 +28,38 @@ impl Random {
     fn new(seed: u64, stages: usize, n: usize, m: usize, weight: f64) -> Self {
         let mut rng = StdRng::seed_from_u64(seed);
         let mut vector = |len: usize| -> Vec<f64> { (0..len).map(|_| rng.random_range(-1.0..1.0)).collect() };
-        let rows = (0..stages).map(|_| (0..n + 1).map(|_| (vector(n), vector(m), vector(1)[0])).collect()).collect();
+        // Transitions leave some of the shared unknowns out, sensor rows the others and some states, unit rows all but one.
+        let (leading, sensed) = (m - m / 3, n - n / 2);
+        let row = |i: usize, mut row: RandomRow| {
+            match reach(i, n) {
+                Reach::All => {}
+                Reach::Sensor => {
+                    row.0[sensed..].fill(0.0);
+                    row.1[..leading].fill(0.0);
+                }
+                Reach::Unit => {
+                    (0..n).filter(|j| *j != i % n).for_each(|j| row.0[j] = 0.0);
+                    row.1.fill(0.0);
+                }
+            }
+            row
+        };
+        let rows = (0..stages)
+            .map(|_| (0..2 * n + 1).map(|i| row(i, (vector(n), vector(m), vector(1)[0]))).collect())
+            .collect();
         let transitions = (0..stages)
             .map(|k| {
                 (k + 1 < stages && k != stages / 3).then(|| {
-                    (0..n).map(|_| (vector(n), vector(m), vector(1)[0], weight * (1.5 + vector(1)[0]))).collect()
+                    let step = |_| {
+                        let mut step = (vector(n), vector(m), vector(1)[0], weight * (1.5 + vector(1)[0]));
+                        step.1[leading..].fill(0.0);
+                        step
+                    };
+                    (0..n).map(step).collect()
                 })
             })
             .collect();
-        Random { n, m, rows, transitions, border: (vector(m), vector(1)[0]) }
+        Random { n, m, leading, sensed, rows, transitions, border: (vector(m), vector(1)[0]) }
     }
 
     /// All whitened rows as a dense Jacobian and residual at the point zero.
@@ -73,6 +98,36 @@ impl Random {
     }
 }
 
+impl Random {
+    fn reach(&self, i: usize) -> Reach {
+        reach(i, self.n)
+    }
+
+    fn stage_cost(&self, point: &Step, k: usize) -> f64 {
+        let state = &point.states[k * self.n..(k + 1) * self.n];
+        let rows = self.rows[k].iter().map(|(x, p, r)| r + dot(x, state) + dot(p, &point.border));
+        let links = self.transitions[k].iter().flatten().enumerate().map(|(i, (x, p, r, w))| {
+            w * (r + dot(x, state) + dot(p, &point.border) - point.states[(k + 1) * self.n + i])
+        });
+        rows.chain(links).map(|r| 0.5 * r * r).sum()
+    }
+}
+
+/// What row i of a stage of n unknowns touches.
+enum Reach {
+    All,
+    Sensor,
+    Unit,
+}
+
+fn reach(i: usize, n: usize) -> Reach {
+    match i {
+        i if i <= n => Reach::All,
+        i if i % 2 == 0 => Reach::Sensor,
+        _ => Reach::Unit,
+    }
+}
+
 fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
@@ -81,53 +136,50 @@ impl LeastSquares for Random {
     type Point = Step;
     type Scratch = ();
     fn scratch(&self) {}
-    fn stages(&self) -> usize {
-        self.rows.len()
+    fn shape(&self) -> Shape {
+        Shape { stages: self.rows.len(), stage: self.n, border: self.m, leading: self.leading, sensed: self.sensed }
     }
-    fn stage_size(&self) -> usize {
-        self.n
-    }
-    fn border_size(&self) -> usize {
-        self.m
-    }
-    fn linked(&self, k: usize) -> bool {
-        self.transitions[k].is_some()
-    }
-    fn rows(&self, point: &Step, k: usize, _: &mut (), rows: &mut Rows) {
-        let state = &point.states[k * self.n..(k + 1) * self.n];
-        for (x, p, r) in &self.rows[k] {
-            let (dx, dp) = rows.push(r + dot(x, state) + dot(p, &point.border));
-            dx.copy_from_slice(x);
-            dp.copy_from_slice(p);
+    fn linearise(&self, point: &Step, first: usize, _: &mut (), batch: &mut [Stage]) {
+        for (k, stage) in (first..).zip(batch) {
+            stage.clear();
+            let state = &point.states[k * self.n..(k + 1) * self.n];
+            for (i, (x, p, r)) in self.rows[k].iter().enumerate() {
+                let residual = r + dot(x, state) + dot(p, &point.border);
+                match self.reach(i) {
+                    Reach::Unit => stage.unit_row(i % self.n, x[i % self.n], residual),
+                    Reach::Sensor => fill(stage.sensor_row(residual), 1.0, &x[..self.sensed], p, self.leading),
+                    Reach::All => fill(stage.row(residual), 1.0, x, p, 0),
+                }
+            }
+            for (i, (x, p, r, w)) in self.transitions[k].iter().flatten().enumerate() {
+                let defect = r + dot(x, state) + dot(p, &point.border) - point.states[(k + 1) * self.n + i];
+                fill(stage.transition_row(i, *w, w * defect), *w, x, &p[..self.leading], 0);
+            }
         }
     }
-    fn transition(&self, point: &Step, k: usize, _: &mut (), transition: &mut Transition) {
-        let state = &point.states[k * self.n..(k + 1) * self.n];
-        for (i, (x, p, r, w)) in self.transitions[k].iter().flatten().enumerate() {
-            let defect = r + dot(x, state) + dot(p, &point.border) - point.states[(k + 1) * self.n + i];
-            let (dx, dp) = transition.row(i, *w, defect);
-            dx.copy_from_slice(x);
-            dp.copy_from_slice(p);
-        }
-    }
-    fn border_rows(&self, point: &Step, rows: &mut Rows) {
-        let (_, dp) = rows.push(self.border.1 + dot(&self.border.0, &point.border));
-        dp.copy_from_slice(&self.border.0);
+    fn border_rows(&self, point: &Step, stage: &mut Stage) {
+        let row = stage.row(self.border.1 + dot(&self.border.0, &point.border));
+        fill(row, 1.0, &[], &self.border.0, 0);
     }
     fn border_cost(&self, point: &Step) -> f64 {
         0.5 * (self.border.1 + dot(&self.border.0, &point.border)).powi(2)
     }
-    fn cost(&self, point: &Step, k: usize, _: &mut ()) -> f64 {
-        let state = &point.states[k * self.n..(k + 1) * self.n];
-        let rows = self.rows[k].iter().map(|(x, p, r)| r + dot(x, state) + dot(p, &point.border));
-        let links = self.transitions[k].iter().flatten().enumerate().map(|(i, (x, p, r, w))| {
-            w * (r + dot(x, state) + dot(p, &point.border) - point.states[(k + 1) * self.n + i])
-        });
-        rows.chain(links).map(|r| 0.5 * r * r).sum()
+    fn cost(&self, point: &Step, stages: std::ops::Range<usize>, _: &mut ()) -> f64 {
+        stages.map(|k| self.stage_cost(point, k)).sum()
     }
-    fn retract(&self, point: &Step, step: &Step) -> Step {
+    fn retract(&self, point: &Step, step: &Step, to: &mut Step) {
         let add = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a + b).collect();
-        Step { states: add(&point.states, &step.states), border: add(&point.border, &step.border) }
+        *to = Step { states: add(&point.states, &step.states), border: add(&point.border, &step.border) };
+    }
+}
+
+/// Adds whitened slopes to a row; shared unknowns before `first` are known to be zero there.
+fn fill(mut row: super::Row<'_>, weight: f64, x: &[f64], p: &[f64], first: usize) {
+    for (i, x) in x.iter().enumerate() {
+        row.add_state(i, weight * x);
+    }
+    for (j, p) in p.iter().enumerate().skip(first) {
+        row.add_shared(j, weight * p);
     }
 }
 
@@ -166,7 +218,8 @@ fn elimination_equals_the_dense_solution() {
             let (schur, gradient) = factor.schur();
             let border = Border::new(&schur, &gradient, &[]);
             let (shared, _) = border.step(0.0).unwrap();
-            let step = factor.back_substitute(&shared, threads);
+            let mut step = Step::default();
+            factor.back_substitute(&shared, threads, &mut step);
             let all: Vec<f64> = step.states.iter().chain(&step.border).copied().collect();
             for (i, (a, b)) in all.iter().zip(dense.iter()).enumerate() {
                 assert_close(*a, *b, rtol, rtol, &format!("seed {seed}, unknown {i}"));
@@ -178,7 +231,8 @@ fn elimination_equals_the_dense_solution() {
                 assert_close(covariance[(i, i)], inverse[(at, at)], 10.0 * rtol, 1e-12, "variance");
             }
             let left = 2.0 * {
-                let moved = problem.retract(&point, &step);
+                let mut moved = point.clone();
+                problem.retract(&point, &step, &mut moved);
                 super::levenberg::total_cost(&problem, &moved, threads)
             };
             let (m, g) = (m, DVector::from_vec(gradient.clone()));

@@ -15,10 +15,12 @@ use super::{Body, GravityLoad, JointKind, Matrix3, Robot, RobotError, Vector3};
 
 mod derivative;
 mod dynamics;
+mod frames;
 mod kinematics;
 mod lanes;
 
 pub use super::vector::{Arithmetic, Scalar};
+pub use frames::LinkFrame;
 pub use lanes::Lanes;
 
 /// The most joints a chain holds: a robot of seven and passive joints before or after it.

@@ -1,0 +1,445 @@
+//! The rows of four stages at once, by the model's fast kernel. The same rows as the generic walk makes: a test holds one against the other.
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::point::Point;
+use super::preset::GyroRows;
+use super::problem::{GyroRow, Problem};
+use crate::model::fast::{Fast, GyroQuads, JOINTS, RateSource, Samples, StepQuads};
+use crate::simd::{self, LANES, Quad, Simd, Work, vectorised};
+use crate::solve::{BATCH, Stage};
+
+type Value<S> = simd::Wide<S>;
+type Triple<S> = [Value<S>; 3];
+
+/// What a batch reads, one quad a value, and room for its step: one a thread.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Wide {
+    x: Vec<Quad>,
+    after: Vec<Quad>,
+    u: Vec<Quad>,
+    measured: Vec<Quad>,
+    duration_s: Quad,
+    step: StepQuads,
+}
+
+impl Wide {
+    /// Gathers `count` stages from `first` on; the lanes that are left repeat the last one.
+    fn gather(&mut self, problem: &Problem<'_>, point: &Point<'_>, first: usize, count: usize) {
+        let (size, series) = (problem.process_weight.len(), problem.series);
+        let last = series.stages() - 1;
+        self.x.resize(size, Quad::default());
+        self.after.resize(size, Quad::default());
+        self.u.resize(JOINTS, Quad::default());
+        self.measured.resize(series.channels.len(), Quad::default());
+        for lane in 0..LANES {
+            let k = first + lane.min(count - 1);
+            let fill = |quads: &mut [Quad], values: &[f64]| {
+                for (quad, value) in quads.iter_mut().zip(values) {
+                    quad.0[lane] = *value;
+                }
+            };
+            fill(&mut self.x, point.state(k));
+            fill(&mut self.after, point.state((k + 1).min(last)));
+            fill(&mut self.u, series.input(k));
+            fill(&mut self.measured, series.measured(k));
+            let duration_s = series.duration_s(k);
+            self.duration_s.0[lane] = if duration_s.is_nan() { 0.0 } else { duration_s };
+        }
+    }
+}
+
+/// Where rows go: into stages, with their derivatives, or into a sum of squares.
+enum Sink<'a> {
+    Stages(&'a mut [Stage]),
+    Squares(f64),
+}
+
+/// A gyro's row in all lanes.
+struct GyroRowQuads<'a, S: Simd> {
+    residual: Value<S>,
+    weight: f64,
+    valid: [bool; LANES],
+    /// By q and q̇.
+    by_position: [Value<S>; JOINTS],
+    by_speed: [Value<S>; JOINTS],
+    /// First shared unknown of three, and the derivatives by them.
+    shared: &'a [(usize, Triple<S>)],
+    /// By the gyro's own bias along the row's axis: which gyro and axis.
+    bias: Option<(usize, usize)>,
+    /// By the bias of the base's gyro.
+    base_bias: Option<(usize, Triple<S>)>,
+}
+
+impl<'m> Problem<'m> {
+    /// Fills the stages from `first` on.
+    pub(super) fn linearise_wide(
+        &self,
+        fast: &Fast,
+        point: &Point<'m>,
+        first: usize,
+        scratch: &mut Wide,
+        batch: &mut [Stage],
+    ) {
+        scratch.gather(self, point, first, batch.len());
+        for stage in &mut *batch {
+            stage.clear();
+        }
+        let count = batch.len();
+        let sink = Sink::Stages(batch);
+        vectorised(Batch { problem: self, fast, point, first, count, scratch, sink });
+    }
+
+    /// ½ Σ r² of a run of stages.
+    pub(super) fn cost_wide(
+        &self,
+        fast: &Fast,
+        point: &Point<'m>,
+        stages: std::ops::Range<usize>,
+        scratch: &mut Wide,
+    ) -> f64 {
+        let mut sum = 0.0;
+        for first in stages.clone().step_by(BATCH) {
+            let count = BATCH.min(stages.end - first);
+            scratch.gather(self, point, first, count);
+            sum += vectorised(Batch { problem: self, fast, point, first, count, scratch, sink: Sink::Squares(0.0) });
+        }
+        0.5 * sum
+    }
+}
+
+/// The rows of one batch.
+struct Batch<'a, 'm> {
+    problem: &'a Problem<'m>,
+    fast: &'a Fast,
+    point: &'a Point<'m>,
+    first: usize,
+    count: usize,
+    scratch: &'a mut Wide,
+    sink: Sink<'a>,
+}
+
+impl Work for Batch<'_, '_> {
+    /// The sum of squares, where it was asked for.
+    type Output = f64;
+
+    #[inline(always)]
+    fn run<S: Simd>(mut self, simd: S) -> f64 {
+        let samples = Samples::<S, JOINTS>::new(simd, self.fast, &self.scratch.x);
+        self.transitions(simd, &samples);
+        self.scalar_rows();
+        match self.problem.assumptions.gyro_rows {
+            GyroRows::RigidBase => self.rigid_base_rows(simd, &samples),
+            GyroRows::Chained => {
+                self.chained_rows(simd, &samples);
+                self.rest_rows();
+            }
+        }
+        self.initial_rows();
+        match self.sink {
+            Sink::Stages(_) => 0.0,
+            Sink::Squares(sum) => sum,
+        }
+    }
+}
+
+impl Batch<'_, '_> {
+    #[inline(always)]
+    fn transitions<S: Simd>(&mut self, simd: S, samples: &Samples<S, JOINTS>) {
+        let Batch { problem, fast, point, first, count, scratch, sink } = self;
+        let mut linked = [false; LANES];
+        for (lane, linked) in linked.iter_mut().enumerate().take(*count) {
+            *linked = problem.linked(*first + lane);
+        }
+        let Wide { x, after, u, duration_s, step, .. } = &mut **scratch;
+        let (integrator, model) = (problem.assumptions.integrator, (*fast, &point.dynamics));
+        match sink {
+            Sink::Stages(batch) => {
+                step.step::<S, JOINTS, true>(integrator, model, (samples, x), u, duration_s);
+                for (next, after) in step.next.iter_mut().zip(&*after) {
+                    next.0 = simd.store(simd.sub(simd.load(&next.0), simd.load(&after.0)));
+                }
+                let weight = &problem.process_weight;
+                Stage::set_transitions(simd, batch, linked, weight, &step.slopes, &step.next);
+            }
+            Sink::Squares(sum) => {
+                step.step::<S, JOINTS, false>(integrator, model, (samples, x), u, duration_s);
+                let mut squares = simd.splat(0.0);
+                for ((next, after), weight) in step.next.iter().zip(&*after).zip(&problem.process_weight) {
+                    let r = simd.mul(simd.sub(simd.load(&next.0), simd.load(&after.0)), simd.splat(*weight));
+                    squares = simd.mul_add(r, r, squares);
+                }
+                for (square, linked) in simd.store(squares).into_iter().zip(linked) {
+                    if linked {
+                        *sum += square;
+                    }
+                }
+            }
+        }
+    }
+
+    /// Channels that read one state component.
+    #[inline(always)]
+    fn scalar_rows(&mut self) {
+        for scalar in &self.problem.rows.scalars {
+            let (x, value) = (&self.scratch.x[scalar.component].0, &self.scratch.measured[scalar.channel].0);
+            for lane in 0..self.count {
+                if value[lane].is_nan() {
+                    continue;
+                }
+                let residual = scalar.weight * (x[lane] - value[lane]);
+                match &mut self.sink {
+                    Sink::Stages(batch) => batch[lane].unit_row(scalar.component, scalar.weight, residual),
+                    Sink::Squares(sum) => *sum += residual * residual,
+                }
+            }
+        }
+    }
+
+    /// What is known of the first state of a run.
+    #[inline(always)]
+    fn initial_rows(&mut self) {
+        for lane in 0..self.count {
+            let sink = &mut self.sink;
+            self.problem.initial_rows(self.point, self.first + lane, &mut |row| match sink {
+                Sink::Stages(batch) => row.push(&mut batch[lane]),
+                Sink::Squares(sum) => *sum += row.residual * row.residual,
+            });
+        }
+    }
+
+    /// Rows (32), while no input has been given.
+    #[inline(always)]
+    fn rest_rows(&mut self) {
+        let Batch { problem, point, first, count, scratch, sink, .. } = self;
+        for lane in 0..*count {
+            let k = *first + lane;
+            let recording = problem.series.recording_of(k);
+            if !problem.series.rest[recording].contains(&k) {
+                continue;
+            }
+            for gyro in &problem.rows.gyros {
+                for axis in 0..3 {
+                    let value = scratch.measured[gyro.channel + axis].0[lane];
+                    if !value.is_finite() {
+                        continue;
+                    }
+                    let residual = gyro.weight * (point.biases[recording][gyro.gyro][axis] - value);
+                    match sink {
+                        Sink::Stages(batch) => {
+                            let bias = problem.border.bias(recording, gyro.gyro) + axis;
+                            batch[lane].sensor_row(residual).add_shared(bias, gyro.weight);
+                        }
+                        Sink::Squares(sum) => *sum += residual * residual,
+                    }
+                }
+            }
+        }
+    }
+
+    /// A gyro's readings and biases.
+    #[inline(always)]
+    fn reading<S: Simd>(&self, simd: S, gyro: &GyroRow) -> (Triple<S>, Triple<S>) {
+        let mut value = [Value::splat(simd, 0.0); 3];
+        let mut bias = value;
+        for axis in 0..3 {
+            let mut lanes = [0.0; LANES];
+            for (lane, to) in lanes.iter_mut().enumerate() {
+                let recording = self.problem.series.recording_of(self.first + lane.min(self.count - 1));
+                *to = self.point.biases[recording][gyro.gyro][axis];
+            }
+            value[axis] = Value::load(simd, &self.scratch.measured[gyro.channel + axis].0);
+            bias[axis] = Value::load(simd, &lanes);
+        }
+        (value, bias)
+    }
+
+    /// All axes of all gyros from the state on a base at rest.
+    #[inline(always)]
+    fn rigid_base_rows<S: Simd>(&mut self, simd: S, samples: &Samples<S, JOINTS>) {
+        for gyro in &self.problem.rows.gyros {
+            let (value, bias) = self.reading(simd, gyro);
+            let rotation = by_rows(&self.point.rotations[gyro.gyro]);
+            let rate = GyroQuads::of(samples, self.fast, gyro.body, &rotation, RateSource::Base);
+            let by_rotation = by_rotation(&rate.in_sensor(), &rotation);
+            for axis in 0..3 {
+                self.push(GyroRowQuads {
+                    residual: rate.rate(axis) + bias[axis] - value[axis],
+                    weight: gyro.weight,
+                    valid: finite(value[axis].to_array(), [true; LANES]),
+                    by_position: by_position(&rate, axis),
+                    by_speed: by_speed(&rate, axis),
+                    shared: &[(self.problem.border.rotation(gyro.gyro), by_rotation[axis])],
+                    bias: Some((gyro.gyro, axis)),
+                    base_bias: None,
+                });
+            }
+        }
+    }
+
+    /// Rows (22) and (25)–(26): see `chained`.
+    #[inline(always)]
+    fn chained_rows<S: Simd>(&mut self, simd: S, samples: &Samples<S, JOINTS>) {
+        let problem = self.problem;
+        let Some((base, others)) = problem.rows.gyros.split_first() else { return };
+        let (value, bias) = self.reading(simd, base);
+        let mut complete = [true; LANES];
+        for value in value {
+            complete = finite(value.to_array(), complete);
+        }
+        let base_rotation = self.point.rotations[base.gyro];
+        let surplus = [value[0] - bias[0], value[1] - bias[1], value[2] - bias[2]];
+        let omega = apply(&by_rows(&base_rotation.transpose()), &surplus);
+
+        // (22): the body's rate about the joint axis that carries it.
+        let axis = problem.axis_before(base.body);
+        let along = [[axis.x, axis.y, axis.z], [0.0; 3], [0.0; 3]];
+        let rate = GyroQuads::of(samples, self.fast, base.body, &along, RateSource::Base);
+        let axis_quads = splat(simd, &axis);
+        let by_base = cross(&omega, &axis_quads);
+        self.push(GyroRowQuads {
+            residual: rate.rate(0) - dot(&axis_quads, &omega),
+            weight: base.weight,
+            valid: complete,
+            by_position: by_position(&rate, 0),
+            by_speed: by_speed(&rate, 0),
+            shared: &[(problem.border.rotation(base.gyro), by_base)],
+            bias: None,
+            base_bias: Some((base.gyro, splat(simd, &(base_rotation * axis)))),
+        });
+
+        for gyro in others {
+            let (value, bias) = self.reading(simd, gyro);
+            let rotation = by_rows(&self.point.rotations[gyro.gyro]);
+            let rate = GyroQuads::of(samples, self.fast, gyro.body, &rotation, RateSource::Body(base.body, omega));
+            let by_rotation = by_rotation(&rate.in_sensor(), &rotation);
+            for axis in 0..3 {
+                let carried = rate.axis_in(samples, self.fast, axis, base.body);
+                let by_base = cross(&carried, &omega);
+                let by_base_bias = apply(&by_rows(&-base_rotation), &carried);
+                self.push(GyroRowQuads {
+                    residual: rate.rate(axis) + bias[axis] - value[axis],
+                    weight: gyro.weight,
+                    valid: finite(value[axis].to_array(), complete),
+                    by_position: by_position(&rate, axis),
+                    by_speed: by_speed(&rate, axis),
+                    shared: &[
+                        (problem.border.rotation(gyro.gyro), by_rotation[axis]),
+                        (problem.border.rotation(base.gyro), by_base),
+                    ],
+                    bias: Some((gyro.gyro, axis)),
+                    base_bias: Some((base.gyro, by_base_bias)),
+                });
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn push<S: Simd>(&mut self, row: GyroRowQuads<'_, S>) {
+        let residual = (row.residual * row.weight).to_array();
+        let batch = match &mut self.sink {
+            Sink::Stages(batch) => batch,
+            Sink::Squares(sum) => {
+                for lane in 0..self.count {
+                    if row.valid[lane] {
+                        *sum += residual[lane] * residual[lane];
+                    }
+                }
+                return;
+            }
+        };
+        let (mut by_position, mut by_speed) = ([[0.0; LANES]; JOINTS], [[0.0; LANES]; JOINTS]);
+        for j in 0..JOINTS {
+            by_position[j] = (row.by_position[j] * row.weight).to_array();
+            by_speed[j] = (row.by_speed[j] * row.weight).to_array();
+        }
+        for lane in 0..self.count {
+            if !row.valid[lane] {
+                continue;
+            }
+            let mut to = batch[lane].sensor_row(residual[lane]);
+            for j in 0..JOINTS {
+                to.add_state(j, by_position[j][lane]);
+                to.add_state(JOINTS + j, by_speed[j][lane]);
+            }
+            for (first, by) in row.shared {
+                for axis in 0..3 {
+                    to.add_shared(first + axis, row.weight * by[axis].to_array()[lane]);
+                }
+            }
+            let recording = self.problem.series.recording_of(self.first + lane);
+            if let Some((gyro, axis)) = row.bias {
+                to.add_shared(self.problem.border.bias(recording, gyro) + axis, row.weight);
+            }
+            if let Some((gyro, by)) = &row.base_bias {
+                for axis in 0..3 {
+                    let column = self.problem.border.bias(recording, *gyro) + axis;
+                    to.add_shared(column, row.weight * by[axis].to_array()[lane]);
+                }
+            }
+        }
+    }
+}
+
+/// Which lanes are finite and were `also` valid.
+#[inline(always)]
+fn finite(values: [f64; LANES], also: [bool; LANES]) -> [bool; LANES] {
+    let mut valid = also;
+    for (valid, value) in valid.iter_mut().zip(values) {
+        *valid &= value.is_finite();
+    }
+    valid
+}
+
+#[inline(always)]
+fn by_rows(m: &Matrix3<f64>) -> [[f64; 3]; 3] {
+    [[m.m11, m.m12, m.m13], [m.m21, m.m22, m.m23], [m.m31, m.m32, m.m33]]
+}
+
+#[inline(always)]
+fn splat<S: Simd>(simd: S, v: &Vector3<f64>) -> Triple<S> {
+    [Value::splat(simd, v.x), Value::splat(simd, v.y), Value::splat(simd, v.z)]
+}
+
+#[inline(always)]
+fn dot<S: Simd>(a: &Triple<S>, b: &Triple<S>) -> Value<S> {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+#[inline(always)]
+fn cross<S: Simd>(a: &Triple<S>, b: &Triple<S>) -> Triple<S> {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+/// m v with a constant m.
+#[inline(always)]
+fn apply<S: Simd>(m: &[[f64; 3]; 3], v: &Triple<S>) -> Triple<S> {
+    let mut out = *v;
+    for (out, row) in out.iter_mut().zip(m) {
+        *out = v[0] * row[0] + v[1] * row[1] + v[2] * row[2];
+    }
+    out
+}
+
+/// The rows of −R skew(ω) = −skew(R ω) R, with `rate` = R ω: the derivative of R ⊞ δ times ω.
+#[inline(always)]
+fn by_rotation<S: Simd>(rate: &Triple<S>, rotation: &[[f64; 3]; 3]) -> [Triple<S>; 3] {
+    let mut out = [*rate; 3];
+    for (axis, out) in out.iter_mut().enumerate() {
+        let (next, after) = ((axis + 1) % 3, (axis + 2) % 3);
+        for j in 0..3 {
+            out[j] = rate[after] * rotation[next][j] - rate[next] * rotation[after][j];
+        }
+    }
+    out
+}
+
+#[inline(always)]
+fn by_position<S: Simd>(rate: &GyroQuads<S, JOINTS>, axis: usize) -> [Value<S>; JOINTS] {
+    [rate.slopes(axis, 0).0, rate.slopes(axis, 1).0, rate.slopes(axis, 2).0]
+}
+
+#[inline(always)]
+fn by_speed<S: Simd>(rate: &GyroQuads<S, JOINTS>, axis: usize) -> [Value<S>; JOINTS] {
+    [rate.slopes(axis, 0).1, rate.slopes(axis, 1).1, rate.slopes(axis, 2).1]
+}
