@@ -125,12 +125,15 @@ impl<'m> Problem<'m> {
                 let own = point.rotations[gyro.gyro];
                 let predicted = own * rate + bias(gyro);
                 let by_rotation = -own * skew(&rate);
-                // R₁→₂ as a matrix: its columns are the turned unit vectors.
+                // R₁→₂ as a matrix: its columns are the turned unit vectors. Only slopes need it.
                 let mut unused = Vec::new();
-                let turn = Matrix3::from_columns(
-                    &[Vector3::x(), Vector3::y(), Vector3::z()]
-                        .map(|unit| turned(self.model.chain(), q, first.body, gyro.body, unit, &mut unused)),
-                );
+                let mut turn = Matrix3::zeros();
+                if with_slopes {
+                    let units = [Vector3::x(), Vector3::y(), Vector3::z()];
+                    turn = Matrix3::from_columns(
+                        &units.map(|unit| turned(self.model.chain(), q, first.body, gyro.body, unit, &mut unused)),
+                    );
+                }
                 for axis in (0..3).filter(|&axis| value[axis].is_finite()) {
                     states.clear();
                     border.clear();

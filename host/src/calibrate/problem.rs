@@ -142,10 +142,22 @@ impl<'m> Problem<'m> {
 
     /// Number of residual rows, for degrees of freedom.
     pub fn row_count(&self, point: &Point<'m>) -> usize {
-        let mut scratch = self.scratch();
         let mut count = 0;
         for k in 0..self.series.stages() {
-            self.sensor_rows(point, k, &mut scratch, false, &mut |_| count += 1);
+            let measured = self.series.measured(k);
+            let finite = |gyro: &GyroRow| (0..3).filter(|axis| measured[gyro.channel + axis].is_finite()).count();
+            count += self.rows.scalars.iter().filter(|row| measured[row.channel].is_finite()).count();
+            match (self.assumptions.gyro_rows, self.rows.gyros.split_first()) {
+                (GyroRows::Chained, Some((base, others))) => {
+                    if finite(base) == 3 {
+                        count += 1 + others.iter().map(finite).sum::<usize>();
+                    }
+                    if self.series.rest[self.series.recording_of(k)].contains(&k) {
+                        count += self.rows.gyros.iter().map(finite).sum::<usize>();
+                    }
+                }
+                _ => count += self.rows.gyros.iter().map(finite).sum::<usize>(),
+            }
             self.initial_rows(point, k, &mut |_| count += 1);
             if self.linked(k) {
                 count += self.model.layout().size();

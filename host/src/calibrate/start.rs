@@ -2,11 +2,12 @@
 //!
 //! Starting at q = θ, q̇ = θ̇ would make the columns of k_s and d_s exactly zero.
 
-use nalgebra::{DMatrix, DVector, Vector3};
+use nalgebra::Vector3;
 
 use super::point::Point;
 use super::series::Series;
-use crate::model::{Model, SensorFrame};
+use crate::model::Model;
+use crate::robot::chain::MAX_JOINTS;
 use crate::robot::{ChannelKind, Robot};
 
 /// Half width of the window whose regression line gives a speed, samples.
@@ -87,14 +88,17 @@ fn fill_run(model: &Model, series: &Series, run: std::ops::Range<usize>, point: 
     let measured_q = columns(&link, &motor);
     let measured_qd: Vec<_> = measured_q.iter().map(|q| speeds(series, run.clone(), q)).collect();
 
-    let mut frame = SensorFrame::default();
     let mut windup = vec![0.0; n];
+    let [mut theta_k, mut thetad_k, mut q_k, mut qd] = [0; 4].map(|_| vec![0.0; n]);
     for (i, k) in run.clone().enumerate() {
-        let at = |columns: &[Vec<f64>]| -> Vec<f64> { columns.iter().map(|column| column[i]).collect() };
-        let (theta_k, thetad_k, q_k) = (at(&theta), at(&thetad), at(&measured_q));
-        let mut qd = at(&measured_qd);
-        let recording = series.recording_of(k);
-        link_speeds(model, series, k, &q_k, &mut frame, point, recording, &mut qd);
+        for (to, from) in
+            [(&mut theta_k, &theta), (&mut thetad_k, &thetad), (&mut q_k, &measured_q), (&mut qd, &measured_qd)]
+        {
+            for (to, column) in to.iter_mut().zip(from) {
+                *to = column[i];
+            }
+        }
+        link_speeds(model, series, k, &q_k, point, &mut qd);
         let step_s = if k + 1 < run.end { series.duration_s(k) } else { 0.0 };
         let state = &mut point.states[k * size..(k + 1) * size];
         for j in 0..n {
@@ -112,40 +116,59 @@ fn fill_run(model: &Model, series: &Series, run: std::ops::Range<usize>, point: 
 }
 
 /// Link speeds that explain the gyros best on a base at rest; `qd` holds what they are without gyros.
-#[allow(clippy::too_many_arguments)]
-fn link_speeds(
-    model: &Model,
-    series: &Series,
-    k: usize,
-    q: &[f64],
-    frame: &mut SensorFrame,
-    point: &Point<'_>,
-    recording: usize,
-    qd: &mut [f64],
-) {
+fn link_speeds(model: &Model, series: &Series, k: usize, q: &[f64], point: &Point<'_>, qd: &mut [f64]) {
     let n = q.len();
-    frame.linearise(model.chain(), q, qd);
-    let mut normal = DMatrix::identity(n, n) / (SPEED_PRIOR * SPEED_PRIOR);
-    let mut right = DVector::zeros(n);
+    // Rates are linear in q̇: `columns[j]` are those of all bodies at unit speed of joint j.
+    let mut columns = [[[0.0; 3]; MAX_JOINTS]; MAX_JOINTS];
+    let mut unit = [0.0; MAX_JOINTS];
+    for (j, column) in columns[..n].iter_mut().enumerate() {
+        unit[j] = 1.0;
+        model.chain().body_rates(q, &unit[..n], &mut column[..n]);
+        unit[j] = 0.0;
+    }
+    let mut normal = [[0.0; MAX_JOINTS]; MAX_JOINTS];
+    let mut right = [0.0; MAX_JOINTS];
+    for (i, row) in normal.iter_mut().enumerate() {
+        row[i] = 1.0 / (SPEED_PRIOR * SPEED_PRIOR);
+    }
     let measured = series.measured(k);
+    let biases = &point.biases[series.recording_of(k)];
     for (channel, spec) in series.channels.iter().enumerate() {
         let ChannelKind::GyroAxis { gyro, body, axis } = spec.kind else { continue };
         if !measured[channel].is_finite() {
             continue;
         }
-        let sensor_axis = point.rotations[gyro].row(axis).transpose();
-        let weight = 1.0 / (spec.sigma * spec.sigma);
-        let surplus = measured[channel] - point.biases[recording][gyro][axis] - sensor_axis.dot(&frame.rate(body));
-        // The rate is linear in q̇: column n + j.
-        let slopes = DVector::from_fn(n, |j, _| sensor_axis.dot(&frame.slope(body, n + j)));
-        right.axpy(weight * surplus, &slopes, 1.0);
-        normal.ger(weight, &slopes, &slopes, 1.0);
-    }
-    // Positive definite by the prior on its diagonal.
-    if let Some(cholesky) = normal.cholesky() {
-        for (qd, change) in qd.iter_mut().zip(cholesky.solve(&right).iter()) {
-            *qd += change;
+        let rotation = &point.rotations[gyro];
+        let mut slopes = [0.0; MAX_JOINTS];
+        let mut surplus = measured[channel] - biases[gyro][axis];
+        for j in 0..n {
+            slopes[j] = (0..3).map(|i| rotation[(axis, i)] * columns[j][body][i]).sum();
+            surplus -= slopes[j] * qd[j];
         }
+        let weight = 1.0 / (spec.sigma * spec.sigma);
+        for i in 0..n {
+            right[i] += weight * surplus * slopes[i];
+            for j in 0..n {
+                normal[i][j] += weight * slopes[i] * slopes[j];
+            }
+        }
+    }
+    // Elimination without exchange: the matrix is positive definite by the prior on its diagonal.
+    for i in 0..n {
+        for j in i + 1..n {
+            let factor = normal[j][i] / normal[i][i];
+            for c in i..n {
+                normal[j][c] -= factor * normal[i][c];
+            }
+            right[j] -= factor * right[i];
+        }
+    }
+    for i in (0..n).rev() {
+        for c in i + 1..n {
+            right[i] -= normal[i][c] * right[c];
+        }
+        right[i] /= normal[i][i];
+        qd[i] += right[i];
     }
 }
 

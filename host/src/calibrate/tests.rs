@@ -70,6 +70,8 @@ fn four_stages_at_once_are_those_of_the_generic_walk() {
                 }
             }
         }
+        let count: usize = (0..7).map(|k| rows(&generic, &point, k)).map(|(rows, step)| rows.len() + step.len()).sum();
+        assert_eq!(fast.row_count(&point), count, "{preset:?}");
         let cost = |problem: &Problem<'_>| problem.cost(&point, 0..7, &mut problem.scratch());
         let (found, expected) = (cost(&fast), cost(&generic));
         assert!((found / expected - 1.0).abs() < 1e-12, "{preset:?}: cost {found} against {expected}");

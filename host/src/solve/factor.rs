@@ -141,7 +141,7 @@ impl Factor {
     /// Entry (i, j) of the reduced border system, columns as [`Columns`] gives them.
     fn reduced(&self, i: usize, j: usize) -> f64 {
         let (i, j) = (i.min(j), i.max(j));
-        self.border[i * self.columns.border_groups + j / LANES].0[j % LANES]
+        self.border[j / LANES * self.columns.border_groups * LANES + i].0[j % LANES]
     }
 
     /// The reduced system of the border, `(S, g)` row-major m × m and m: the step solves `S δ = −g`. S is the information matrix of

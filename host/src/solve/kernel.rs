@@ -1,4 +1,5 @@
-//! The small dense loops of the elimination, on matrices of [`Quad`]s: rows of groups of four columns.
+//! The small dense loops of the elimination, on matrices of [`Quad`]s: groups of four columns, one group after the other, so that what a
+//! loop runs over is contiguous and needs no index.
 //!
 //! Everything is built of one loop, the [`tile`]: four rows times two groups of `C ± Σ_k a[k]ᵀ b[k]`, whose eight sums stay in
 //! registers while k runs. Eight are what two multiply-add units with a latency of four cycles need; twelve would leave the compiler
@@ -23,63 +24,81 @@ pub const fn groups(width: usize) -> usize {
 /// Rows that are multiplied with themselves.
 #[derive(Debug, Clone, Copy)]
 pub struct Rows<'a> {
-    /// The matrix by rows.
+    /// The matrix by groups: row k of group g is at `g · capacity + k`.
     pub values: &'a [Quad],
-    /// Groups from one row to the next.
-    pub stride: usize,
-    /// Number of rows.
+    /// Rows that a group has room for.
+    pub capacity: usize,
+    /// Rows that are there.
     pub count: usize,
 }
 
-/// A matrix that sums are added to.
-#[derive(Debug)]
-pub struct Sums<'a> {
-    /// The matrix by rows.
-    pub values: &'a mut [Quad],
-    /// Groups from one row to the next.
-    pub stride: usize,
+impl<'a> Rows<'a> {
+    #[inline(always)]
+    fn group(&self, g: usize) -> &'a [Quad] {
+        &self.values[g * self.capacity..][..self.count]
+    }
 }
 
-/// `sums[row + r][group + g] ± = Σ_k rows[k][left]_r rows[k][right + g]` for r < 4, g < C.
+/// A matrix that sums are added to, by groups.
+#[derive(Debug)]
+pub struct Sums<'a> {
+    /// Row i of group g is at `g · rows + i`.
+    pub values: &'a mut [Quad],
+    /// Rows of a group.
+    pub rows: usize,
+}
+
+/// `out[r] ± = sum[r]`.
 #[inline(always)]
-fn tile<S: Simd, const C: usize, const SUBTRACT: bool>(
-    simd: S,
-    rows: Rows<'_>,
-    (left, right): (usize, usize),
-    sums: &mut Sums<'_>,
-    (row, group): (usize, usize),
-) {
-    let mut sum = [[simd.splat(0.0); C]; LANES];
-    // No `chunks_exact`: it divides, which costs more than two rows.
-    let mut rest = rows.values;
-    for k in 0..rows.count {
-        if k > 0 {
-            rest = &rest[rows.stride..];
-        }
-        let factors = &rest[left].0;
-        let k = &rest[right..right + C];
-        let mut values = [simd.splat(0.0); C];
-        for g in 0..C {
-            values[g] = simd.load(&k[g].0);
-        }
+fn add_to<S: Simd, const SUBTRACT: bool>(simd: S, out: &mut [Quad], sum: [S::Vector; LANES]) {
+    for (out, sum) in out[..LANES].iter_mut().zip(sum) {
+        let before = simd.load(&out.0);
+        *out = Quad(simd.store(if SUBTRACT { simd.sub(before, sum) } else { simd.add(before, sum) }));
+    }
+}
+
+/// Four rows of two groups of sums: `± Σ_k a[k]_r b[k]`, `± Σ_k a[k]_r c[k]`.
+#[inline(always)]
+fn tile<S: Simd>(simd: S, a: &[Quad], b: &[Quad], c: &[Quad]) -> ([S::Vector; LANES], [S::Vector; LANES]) {
+    let zero = simd.splat(0.0);
+    let (mut first, mut second) = ([zero; LANES], [zero; LANES]);
+    for ((a, b), c) in a.iter().zip(b).zip(c) {
+        let (b, c) = (simd.load(&b.0), simd.load(&c.0));
         for r in 0..LANES {
-            let factor = simd.splat(factors[r]);
-            for g in 0..C {
-                sum[r][g] = simd.mul_add(factor, values[g], sum[r][g]);
-            }
+            let factor = simd.splat(a.0[r]);
+            first[r] = simd.mul_add(factor, b, first[r]);
+            second[r] = simd.mul_add(factor, c, second[r]);
+        }
+    }
+    (first, second)
+}
+
+/// [`tile`] of one group.
+#[inline(always)]
+fn narrow_tile<S: Simd>(simd: S, a: &[Quad], b: &[Quad]) -> [S::Vector; LANES] {
+    // Even and odd rows apart: four sums alone would wait for one another.
+    let (mut even, mut odd) = ([simd.splat(0.0); LANES], [simd.splat(0.0); LANES]);
+    let ((a2, a1), (b2, b1)) = (a.as_chunks::<2>(), b.as_chunks::<2>());
+    for (a, b) in a2.iter().zip(b2) {
+        let (b0, b1) = (simd.load(&b[0].0), simd.load(&b[1].0));
+        for r in 0..LANES {
+            even[r] = simd.mul_add(simd.splat(a[0].0[r]), b0, even[r]);
+            odd[r] = simd.mul_add(simd.splat(a[1].0[r]), b1, odd[r]);
+        }
+    }
+    for (a, b) in a1.iter().zip(b1) {
+        let b = simd.load(&b.0);
+        for r in 0..LANES {
+            even[r] = simd.mul_add(simd.splat(a.0[r]), b, even[r]);
         }
     }
     for r in 0..LANES {
-        let out = &mut sums.values[(row + r) * sums.stride + group..][..C];
-        for g in 0..C {
-            let before = simd.load(&out[g].0);
-            let after = if SUBTRACT { simd.sub(before, sum[r][g]) } else { simd.add(before, sum[r][g]) };
-            out[g] = Quad(simd.store(after));
-        }
+        even[r] = simd.add(even[r], odd[r]);
     }
+    even
 }
 
-/// Tiles of the four rows `left` times the groups `right`, added to (or subtracted from) `sums` from `(row, group)` on.
+/// `sums[4·block + r][group + g] ± = Σ_k rows[k][left]_r rows[k][right + g]`: four rows `left` times all groups of `right`.
 #[inline(always)]
 pub fn strip<S: Simd, const SUBTRACT: bool>(
     simd: S,
@@ -87,15 +106,19 @@ pub fn strip<S: Simd, const SUBTRACT: bool>(
     left: usize,
     right: std::ops::Range<usize>,
     sums: &mut Sums<'_>,
-    (row, group): (usize, usize),
+    (block, group): (usize, usize),
 ) {
-    let mut j = right.start;
+    let a = rows.group(left);
+    let (mut j, mut at) = (right.start, group * sums.rows + block * LANES);
     while j + 1 < right.end {
-        tile::<S, 2, SUBTRACT>(simd, rows, (left, j), sums, (row, group + j - right.start));
-        j += 2;
+        let (first, second) = tile(simd, a, rows.group(j), rows.group(j + 1));
+        add_to::<S, SUBTRACT>(simd, &mut sums.values[at..], first);
+        add_to::<S, SUBTRACT>(simd, &mut sums.values[at + sums.rows..], second);
+        (j, at) = (j + 2, at + 2 * sums.rows);
     }
     if j < right.end {
-        tile::<S, 1, SUBTRACT>(simd, rows, (left, j), sums, (row, group + j - right.start));
+        let sum = narrow_tile(simd, a, rows.group(j));
+        add_to::<S, SUBTRACT>(simd, &mut sums.values[at..], sum);
     }
 }
 
@@ -141,49 +164,56 @@ impl Diagonal {
     }
 }
 
-/// Factors the leading `N × N` block of `front` (N rows of `stride` groups) as `Uᵀ U` and solves with it the columns behind: `front`
-/// becomes `[U | U⁻ᵀ rest]`, with the reciprocals of U's diagonal on the diagonal and what is below the diagonal blocks untouched.
+/// Factors the leading `N × N` block of `front` (N rows, by groups) as `Uᵀ U` and solves with it the columns behind: `front` becomes
+/// `[U | U⁻ᵀ rest]`, with the reciprocals of U's diagonal on the diagonal and what is below the diagonal blocks untouched.
 #[inline(always)]
-pub fn factor_front<S: Simd, const N: usize>(simd: S, front: &mut [Quad], stride: usize) -> Result<(), Pivot> {
+pub fn factor_front<S: Simd, const N: usize>(simd: S, front: &mut [Quad]) -> Result<(), Pivot> {
+    // Groups are whole: an array each, so that no index in the loops below needs a check.
+    let front = front.as_chunks_mut::<N>().0;
     for block in 0..N / LANES {
-        let (above, own) = front.split_at_mut(block * LANES * stride);
-        let own = &mut own[..LANES * stride];
-        if block > 0 {
-            let rows = Rows { values: above, stride, count: block * LANES };
-            let mut sums = Sums { values: own, stride };
-            strip::<S, true>(simd, rows, block, block..stride, &mut sums, (0, block));
+        let first = block * LANES;
+        // The four rows lose what the rows above say of them.
+        let above = front[block];
+        let a = &above[..first];
+        let mut rest = &mut front[block..];
+        while let [b, c, others @ ..] = rest {
+            if block > 0 {
+                let (x, y) = tile(simd, a, &b[..first], &c[..first]);
+                add_to::<S, true>(simd, &mut b[first..], x);
+                add_to::<S, true>(simd, &mut c[first..], y);
+            }
+            rest = others;
         }
-        let a = [own[block].0, own[stride + block].0, own[2 * stride + block].0, own[3 * stride + block].0];
-        let d = match Diagonal::of(simd, a) {
+        if let [b] = rest
+            && block > 0
+        {
+            let x = narrow_tile(simd, a, &b[..first]);
+            add_to::<S, true>(simd, &mut b[first..], x);
+        }
+        let own = &front[block][first..first + LANES];
+        let d = match Diagonal::of(simd, [own[0].0, own[1].0, own[2].0, own[3].0]) {
             Ok(d) => d,
-            Err(pivot) => return Err(Pivot { index: block * LANES + pivot.index, ..pivot }),
+            Err(pivot) => return Err(Pivot { index: first + pivot.index, ..pivot }),
         };
-        let (first, rest) = own.split_at_mut(stride);
-        let (second, rest) = rest.split_at_mut(stride);
-        let (third, fourth) = rest.split_at_mut(stride);
         let [[_, b01, b02, b03], [_, _, b12, b13], [.., b23], _] = d.below;
         let (b01, b02, b03) = (simd.splat(b01), simd.splat(b02), simd.splat(b03));
         let (b12, b13, b23) = (simd.splat(b12), simd.splat(b13), simd.splat(b23));
         let [s0, s1, s2, s3] = d.scale;
         let (s0, s1, s2, s3) = (simd.splat(s0), simd.splat(s1), simd.splat(s2), simd.splat(s3));
-        for (((first, second), third), fourth) in first[block..]
-            .iter_mut()
-            .zip(&mut second[block..stride])
-            .zip(&mut third[block..stride])
-            .zip(&mut fourth[block..stride])
-        {
-            let x0 = simd.load(&first.0);
-            let x1 = simd.mul_sub_from(b01, x0, simd.load(&second.0));
-            let x2 = simd.mul_sub_from(b12, x1, simd.mul_sub_from(b02, x0, simd.load(&third.0)));
-            let x3 = simd.mul_sub_from(b03, x0, simd.load(&fourth.0));
+        for group in &mut front[block..] {
+            let rows = &mut group[first..first + LANES];
+            let x0 = simd.load(&rows[0].0);
+            let x1 = simd.mul_sub_from(b01, x0, simd.load(&rows[1].0));
+            let x2 = simd.mul_sub_from(b12, x1, simd.mul_sub_from(b02, x0, simd.load(&rows[2].0)));
+            let x3 = simd.mul_sub_from(b03, x0, simd.load(&rows[3].0));
             let x3 = simd.mul_sub_from(b23, x2, simd.mul_sub_from(b13, x1, x3));
-            first.0 = simd.store(simd.mul(x0, s0));
-            second.0 = simd.store(simd.mul(x1, s1));
-            third.0 = simd.store(simd.mul(x2, s2));
-            fourth.0 = simd.store(simd.mul(x3, s3));
+            rows[0].0 = simd.store(simd.mul(x0, s0));
+            rows[1].0 = simd.store(simd.mul(x1, s1));
+            rows[2].0 = simd.store(simd.mul(x2, s2));
+            rows[3].0 = simd.store(simd.mul(x3, s3));
         }
         for (i, scale) in d.scale.into_iter().enumerate() {
-            own[i * stride + block].0[i] = scale;
+            front[block][first + i].0[i] = scale;
         }
     }
     Ok(())
@@ -191,11 +221,11 @@ pub fn factor_front<S: Simd, const N: usize>(simd: S, front: &mut [Quad], stride
 
 /// [`factor_front`] in the compiled size n (one of [`STAGE_SIZES`]).
 #[inline(always)]
-pub fn factor<S: Simd>(simd: S, n: usize, front: &mut [Quad], stride: usize) -> Result<(), Pivot> {
+pub fn factor<S: Simd>(simd: S, n: usize, front: &mut [Quad]) -> Result<(), Pivot> {
     macro_rules! dispatch {
         ($($size:literal)*) => {
             match n {
-                $($size => factor_front::<S, $size>(simd, front, stride),)*
+                $($size => factor_front::<S, $size>(simd, front),)*
                 other => unreachable!("stage size {other} is not among STAGE_SIZES"),
             }
         };
@@ -210,12 +240,11 @@ pub const fn triangle(n: usize) -> usize {
 
 /// Copies U out of a factored front: of every row the groups from its diagonal block on.
 #[inline(always)]
-pub fn keep_triangle(front: &[Quad], stride: usize, n: usize, kept: &mut [f64]) {
+pub fn keep_triangle(front: &[Quad], n: usize, kept: &mut [f64]) {
     let mut kept = kept.as_chunks_mut::<LANES>().0.iter_mut();
     for i in 0..n {
-        let row = &front[i * stride..(i + 1) * stride];
-        for (quad, kept) in row[i / LANES..n / LANES].iter().zip(&mut kept) {
-            *kept = quad.0;
+        for (g, kept) in (i / LANES..n / LANES).zip(&mut kept) {
+            *kept = front[g * n + i].0;
         }
     }
 }

@@ -83,50 +83,55 @@ impl Columns {
     }
 }
 
-/// Rows of the same reach: `[x | border]` from the first column that they touch to the last.
+/// Rows of the same reach: `[x | border]` from the first column that they touch to the last, by groups.
 #[derive(Debug, Clone)]
 pub(super) struct Panel {
     pub values: Vec<Quad>,
     pub rows: usize,
+    /// Rows that each group has room for.
+    pub capacity: usize,
     pub stage_groups: usize,
     /// Groups of the border.
     pub border: Range<usize>,
 }
 
 impl Panel {
-    fn new(stage_groups: usize, border: Range<usize>) -> Self {
-        Panel { values: Vec::new(), rows: 0, stage_groups, border }
+    fn new(stage_groups: usize, border: Range<usize>, capacity: usize) -> Self {
+        let values = vec![Quad::default(); (stage_groups + border.len()) * capacity];
+        Panel { values, rows: 0, capacity, stage_groups, border }
     }
 
     #[inline(always)]
-    pub(super) fn stride(&self) -> usize {
+    pub(super) fn groups(&self) -> usize {
         self.stage_groups + self.border.len()
     }
 
-    #[inline(always)]
-    pub(super) fn values(&self) -> &[Quad] {
-        &self.values[..self.rows * self.stride()]
-    }
-
-    /// Makes room for `rows` rows without touching those that are there.
-    fn resize(&mut self, rows: usize) {
-        self.rows = rows;
-        let size = rows * self.stride();
-        if self.values.len() < size {
-            self.values.resize(size, Quad::default());
+    /// Adds a row, which is not cleared, and gives its index.
+    fn add(&mut self) -> usize {
+        if self.rows == self.capacity {
+            let mut larger = Panel::new(self.stage_groups, self.border.clone(), 2 * self.capacity);
+            for (to, from) in larger.values.chunks_mut(larger.capacity).zip(self.values.chunks(self.capacity)) {
+                to[..self.rows].copy_from_slice(from);
+            }
+            larger.rows = self.rows;
+            *self = larger;
         }
+        self.rows += 1;
+        self.rows - 1
     }
 
     /// Row `at`, cleared, with its residual.
     fn row(&mut self, at: usize, columns: &Columns, residual: f64) -> Row<'_> {
-        let stride = self.stride();
-        let values = &mut self.values[at * stride..(at + 1) * stride];
-        values.fill(Quad::default());
+        for group in 0..self.groups() {
+            self.values[group * self.capacity + at] = Quad::default();
+        }
         let mut row = Row {
-            values,
             border: self.stage_groups * LANES,
             first_shared: self.border.start * LANES,
             leading: columns.shape.leading,
+            capacity: self.capacity,
+            at,
+            values: &mut self.values,
         };
         *row.at(row.border + columns.right() - row.first_shared) = residual;
         row
@@ -136,7 +141,10 @@ impl Panel {
 /// The gradient of one residual row.
 #[derive(Debug)]
 pub struct Row<'a> {
+    /// The panel, and which row of it this is.
     values: &'a mut [Quad],
+    capacity: usize,
+    at: usize,
     /// Where the border's columns begin, and which of them is the first here.
     border: usize,
     first_shared: usize,
@@ -146,7 +154,7 @@ pub struct Row<'a> {
 impl Row<'_> {
     #[inline(always)]
     fn at(&mut self, column: usize) -> &mut f64 {
-        &mut self.values[column / LANES].0[column % LANES]
+        &mut self.values[column / LANES * self.capacity + self.at].0[column % LANES]
     }
 
     /// Adds to ∂r/∂x of component i.
@@ -187,13 +195,13 @@ pub struct Stage {
 
 impl Stage {
     pub(super) fn new(columns: Columns) -> Self {
-        let mut transition = Panel::new(columns.stage_groups, 0..columns.leading_groups);
-        transition.resize(columns.padded_stage);
+        let mut transition = Panel::new(columns.stage_groups, 0..columns.leading_groups, columns.padded_stage);
+        transition.rows = columns.padded_stage;
         Stage {
             columns,
             units: Vec::new(),
-            sensors: Panel::new(columns.sensed_groups, columns.sensor_group..columns.border_groups),
-            others: Panel::new(columns.stage_groups, 0..columns.border_groups),
+            sensors: Panel::new(columns.sensed_groups, columns.sensor_group..columns.border_groups, 8),
+            others: Panel::new(columns.stage_groups, 0..columns.border_groups, 8),
             transition,
             weight: vec![Quad::default(); columns.stage_groups],
             linked: false,
@@ -210,15 +218,13 @@ impl Stage {
 
     /// Adds a row that touches anything; its gradient is zero until it is filled.
     pub fn row(&mut self, residual: f64) -> Row<'_> {
-        let at = self.others.rows;
-        self.others.resize(at + 1);
+        let at = self.others.add();
         self.others.row(at, &self.columns, residual)
     }
 
     /// Adds a row that touches only the leading [`Shape::sensed`] components of the state, and no leading shared unknowns.
     pub fn sensor_row(&mut self, residual: f64) -> Row<'_> {
-        let at = self.sensors.rows;
-        self.sensors.resize(at + 1);
+        let at = self.sensors.add();
         self.sensors.row(at, &self.columns, residual)
     }
 
@@ -261,11 +267,10 @@ impl Stage {
                 stage.weight[i / LANES].0[i % LANES] = *w;
             }
         }
-        let stride = transition_stride(&columns);
         for i in 0..n {
             let row = &slopes[i * (n + leading)..(i + 1) * (n + leading)];
             let w = simd.splat(weight[i]);
-            for group in 0..stride {
+            for group in 0..columns.stage_groups + columns.leading_groups {
                 // The columns of this group, each four stages wide.
                 let mut block = [[0.0; LANES]; LANES];
                 for (c, lanes) in block.iter_mut().enumerate() {
@@ -284,7 +289,7 @@ impl Stage {
                 }
                 let block = transposed(block);
                 for (stage, quad) in batch.iter_mut().zip(block) {
-                    stage.transition.values[i * stride + group] = Quad(quad);
+                    stage.transition.values[group * columns.padded_stage + i] = Quad(quad);
                 }
             }
         }
@@ -318,27 +323,21 @@ impl Stage {
     fn dense(&self, panel: &Panel) -> Vec<Vec<f64>> {
         let shape = &self.columns.shape;
         let (n, m) = (shape.stage, shape.border);
-        let dense = |values: &[Quad]| {
-            let value = |column: usize| values[column / LANES].0[column % LANES];
+        let dense = |at: usize| {
+            let value = |column: usize| panel.values[column / LANES * panel.capacity + at].0[column % LANES];
             let border = |column: usize| {
                 let from = panel.border.start * LANES;
                 let inside = column >= from && column < panel.border.end * LANES;
                 if inside { value(panel.stage_groups * LANES + column - from) } else { 0.0 }
             };
-            let mut row: Vec<f64> =
-                (0..n).map(|i| if i < panel.stage_groups * LANES { value(i) } else { 0.0 }).collect();
+            let state = |i: usize| if i < panel.stage_groups * LANES { value(i) } else { 0.0 };
+            let mut row: Vec<f64> = (0..n).map(state).collect();
             row.extend((0..m).map(|j| border(self.columns.shared(j))));
             row.push(border(self.columns.right()));
             row
         };
-        panel.values().chunks_exact(panel.stride()).map(dense).collect()
+        (0..panel.rows).map(dense).collect()
     }
-}
-
-/// Groups of a transition's row.
-#[inline(always)]
-fn transition_stride(columns: &Columns) -> usize {
-    columns.stage_groups + columns.leading_groups
 }
 
 /// A step in tangent space: `states[k·n + i]` and `border[j]`.

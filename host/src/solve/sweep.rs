@@ -91,28 +91,26 @@ impl Sweep {
         if panel.rows == 0 {
             return;
         }
-        let rows = Rows { values: panel.values(), stride: panel.stride(), count: panel.rows };
-        let states = panel.stage_groups;
+        let rows = Rows { values: &panel.values, capacity: panel.capacity, count: panel.rows };
+        let (states, groups) = (panel.stage_groups, panel.groups());
         let into_border = 2 * columns.stage_groups + panel.border.start;
-        let mut block = Sums { values: block, stride: columns.front() };
+        let mut block = Sums { values: block, rows: columns.padded_stage };
         for i in 0..states {
-            kernel::strip::<S, false>(simd, rows, i, i..states, &mut block, (i * LANES, i));
-            kernel::strip::<S, false>(simd, rows, i, states..rows.stride, &mut block, (i * LANES, into_border));
+            kernel::strip::<S, false>(simd, rows, i, i..states, &mut block, (i, i));
+            kernel::strip::<S, false>(simd, rows, i, states..groups, &mut block, (i, into_border));
         }
-        let mut border = Sums { values: border, stride: columns.border_groups };
-        for i in states..rows.stride {
+        let mut border = Sums { values: border, rows: columns.border_groups * LANES };
+        for i in states..groups {
             let at = i - states + panel.border.start;
-            kernel::strip::<S, false>(simd, rows, i, i..rows.stride, &mut border, (at * LANES, at));
+            kernel::strip::<S, false>(simd, rows, i, i..groups, &mut border, (at, at));
         }
     }
 
     /// Adds the squares of a panel's state columns to the diagonal that damping multiplies.
     fn add_diagonal(panel: &Panel, diagonal: &mut [f64]) {
-        for row in panel.values().chunks_exact(panel.stride()) {
-            let states = row[..panel.stage_groups].iter().flat_map(|quad| quad.0);
-            for (diagonal, value) in diagonal.iter_mut().zip(states) {
-                *diagonal += value * value;
-            }
+        for (i, diagonal) in diagonal.iter_mut().enumerate().take(panel.stage_groups * LANES) {
+            let group = &panel.values[i / LANES * panel.capacity..][..panel.rows];
+            *diagonal += group.iter().map(|quad| quad.0[i % LANES].powi(2)).sum::<f64>();
         }
     }
 
@@ -121,13 +119,14 @@ impl Sweep {
     fn add_rows<S: Simd>(&mut self, simd: S, slot: usize) {
         let Sweep { columns, front, border, batch, diagonal, .. } = self;
         let stage = &batch[slot];
-        let stride = columns.front();
-        let right = columns.right();
+        let n = columns.padded_stage;
+        let (right, right_group) = (columns.right(), 2 * columns.stage_groups + columns.right() / LANES);
+        let border_rows = columns.border_groups * LANES;
         for unit in &stage.units {
             let (i, slope) = (unit.component, unit.slope);
-            front[i * stride + i / LANES].0[i % LANES] += slope * slope;
-            front[i * stride + 2 * columns.stage_groups + right / LANES].0[right % LANES] += slope * unit.residual;
-            border[right * columns.border_groups + right / LANES].0[right % LANES] += unit.residual * unit.residual;
+            front[i / LANES * n + i].0[i % LANES] += slope * slope;
+            front[right_group * n + i].0[right % LANES] += slope * unit.residual;
+            border[right / LANES * border_rows + right].0[right % LANES] += unit.residual * unit.residual;
         }
         Self::add_panel(columns, simd, &stage.sensors, front, border);
         Self::add_panel(columns, simd, &stage.others, front, border);
@@ -145,13 +144,11 @@ impl Sweep {
     fn add_transition<S: Simd>(&mut self, simd: S, slot: usize, at_front: Front) {
         let Sweep { columns, front, next, border, batch, diagonal, next_diagonal, .. } = self;
         let stage = &batch[slot];
-        let (n, stride) = (columns.padded_stage, columns.front());
+        let n = columns.padded_stage;
         next.fill(Quad::default());
         next_diagonal.fill(0.0);
         if !stage.linked {
-            for row in front.chunks_exact_mut(stride) {
-                row[columns.stage_groups..2 * columns.stage_groups].fill(Quad::default());
-            }
+            front[n * columns.stage_groups..2 * n * columns.stage_groups].fill(Quad::default());
             return;
         }
         let panel = &stage.transition;
@@ -165,13 +162,12 @@ impl Sweep {
                 Self::add_successor(columns, simd, stage, front);
             }
         }
-        let panel_stride = panel.stride();
         // E = ∂/∂(front) ∂/∂(next) of ½ (wΦ x − w x')²
         for i in 0..columns.stage_groups {
             for j in 0..columns.stage_groups {
                 let mut block = [[0.0; LANES]; LANES];
                 for (r, row) in block.iter_mut().enumerate() {
-                    let source = simd.load(&panel.values[(i * LANES + r) * panel_stride + j].0);
+                    let source = simd.load(&panel.values[j * n + i * LANES + r].0);
                     *row = simd.store(simd.mul(source, simd.splat(-stage.weight[i].0[r])));
                 }
                 let (block, i, j) = match at_front {
@@ -179,7 +175,7 @@ impl Sweep {
                     Front::Source => (kernel::transposed(block), j, i),
                 };
                 for (r, row) in block.into_iter().enumerate() {
-                    front[(i * LANES + r) * stride + columns.stage_groups + j] = Quad(row);
+                    front[(columns.stage_groups + j) * n + i * LANES + r] = Quad(row);
                 }
             }
         }
@@ -198,16 +194,16 @@ impl Sweep {
     /// What a transition adds to its successor: w² on the diagonal, −w times the whitened rest of its rows.
     #[inline(always)]
     fn add_successor<S: Simd>(columns: &Columns, simd: S, stage: &Stage, block: &mut [Quad]) {
-        let stride = columns.front();
-        let panel = &stage.transition;
-        let panel_stride = panel.stride();
-        for i in 0..columns.padded_stage {
-            let row = &mut block[i * stride..(i + 1) * stride];
-            let source = &panel.values[i * panel_stride..(i + 1) * panel_stride];
+        let (n, own) = (columns.padded_stage, columns.stage_groups);
+        for i in 0..n {
             let w = stage.weight[i / LANES].0[i % LANES];
-            row[i / LANES].0[i % LANES] += w * w;
-            let w = simd.splat(w);
-            for (to, from) in row[2 * columns.stage_groups..].iter_mut().zip(&source[columns.stage_groups..]) {
+            block[i / LANES * n + i].0[i % LANES] += w * w;
+        }
+        for group in 0..columns.leading_groups {
+            let from = &stage.transition.values[(own + group) * n..][..n];
+            let to = &mut block[(2 * own + group) * n..][..n];
+            for (i, (to, from)) in to.iter_mut().zip(from).enumerate() {
+                let w = simd.splat(stage.weight[i / LANES].0[i % LANES]);
                 to.0 = simd.store(simd.mul_sub_from(w, simd.load(&from.0), simd.load(&to.0)));
             }
         }
@@ -217,37 +213,36 @@ impl Sweep {
     #[inline(always)]
     fn eliminate<S: Simd>(&mut self, simd: S, kept: &mut [f64]) -> Result<(), Pivot> {
         let Sweep { columns, front, next, border, diagonal, .. } = self;
-        let (n, stride, own) = (columns.padded_stage, columns.front(), columns.stage_groups);
+        let (n, groups, own) = (columns.padded_stage, columns.front(), columns.stage_groups);
         for i in 0..n {
-            let pivot = &mut front[i * stride + i / LANES].0[i % LANES];
+            let pivot = &mut front[i / LANES * n + i].0[i % LANES];
             if i >= columns.shape.stage {
                 *pivot = 1.0;
             } else if self.damping > 0.0 {
                 *pivot += self.damping * diagonal[i];
             }
         }
-        kernel::factor(simd, n, front, stride)?;
-        let rows = Rows { values: front, stride, count: n };
-        let mut sums = Sums { values: next, stride };
+        kernel::factor(simd, n, front)?;
+        let rows = Rows { values: front, capacity: n, count: n };
+        let mut sums = Sums { values: next, rows: n };
         for i in 0..own {
-            kernel::strip::<S, true>(simd, rows, own + i, own + i..2 * own, &mut sums, (i * LANES, i));
-            kernel::strip::<S, true>(simd, rows, own + i, 2 * own..stride, &mut sums, (i * LANES, 2 * own));
+            kernel::strip::<S, true>(simd, rows, own + i, own + i..2 * own, &mut sums, (i, i));
+            kernel::strip::<S, true>(simd, rows, own + i, 2 * own..groups, &mut sums, (i, 2 * own));
         }
-        let mut sums = Sums { values: border, stride: columns.border_groups };
+        let mut sums = Sums { values: border, rows: columns.border_groups * LANES };
         for i in 0..columns.border_groups {
-            kernel::strip::<S, true>(simd, rows, 2 * own + i, 2 * own + i..stride, &mut sums, (i * LANES, i));
+            kernel::strip::<S, true>(simd, rows, 2 * own + i, 2 * own + i..groups, &mut sums, (i, i));
         }
         let (triangle, rest) = kept.split_at_mut(kernel::triangle(n));
-        kernel::keep_triangle(front, stride, n, triangle);
+        kernel::keep_triangle(front, n, triangle);
         let width = columns.kept_columns();
         for i in 0..n {
             let (whole, tail) = rest[i * width..(i + 1) * width].as_chunks_mut::<LANES>();
-            let quads = &front[i * stride + own..(i + 1) * stride];
-            for (kept, quad) in whole.iter_mut().zip(quads) {
-                *kept = quad.0;
+            for (g, kept) in whole.iter_mut().enumerate() {
+                *kept = front[(own + g) * n + i].0;
             }
             if !tail.is_empty() {
-                tail.copy_from_slice(&quads[whole.len()].0[..tail.len()]);
+                tail.copy_from_slice(&front[(own + whole.len()) * n + i].0[..tail.len()]);
             }
         }
         std::mem::swap(&mut self.front, &mut self.next);
