@@ -169,6 +169,8 @@ pub fn minimise<P: LeastSquares>(
         let mut trials = 0;
         // What an undamped step promises: half the Newton decrement, whatever the damping of the trials.
         let undamped_promise = states_promise + border.step(0.0).map_or(f64::INFINITY, |(_, promise)| promise);
+        // Then this step is the last one, whether rounding lets it reduce the cost or not.
+        let nothing_left = undamped_promise <= settings.relative_cost_change * cost;
         while trials < 12 {
             trials += 1;
             let Some((shared, border_promise)) = border.step(damping) else {
@@ -192,7 +194,7 @@ pub fn minimise<P: LeastSquares>(
                 };
                 break;
             }
-            if undamped_promise <= 1e-12 * cost.abs() {
+            if nothing_left {
                 break;
             }
             damping = (damping * 10.0).max(1e-9);
@@ -200,7 +202,7 @@ pub fn minimise<P: LeastSquares>(
         seconds.solve += clock.elapsed().as_secs_f64();
         factor_is_final = state_damping == 0.0;
         let Some((trial_cost, used)) = accepted else {
-            if undamped_promise <= settings.relative_cost_change * cost {
+            if nothing_left {
                 status = Status::Converged;
                 break;
             }
@@ -224,7 +226,8 @@ pub fn minimise<P: LeastSquares>(
         progress(iterations.len() + 1, &iteration);
         iterations.push(iteration);
         // A heavily damped step changes little anywhere: it says nothing of the minimum.
-        if change < settings.relative_cost_change && used <= HEAVY_DAMPING && state_damping <= 1e-9 {
+        let little_changed = change < settings.relative_cost_change && used <= HEAVY_DAMPING;
+        if (nothing_left || little_changed) && state_damping <= 1e-9 {
             status = Status::Converged;
             break;
         }
