@@ -170,7 +170,7 @@ pub fn minimise<P: LeastSquares>(
         // What an undamped step promises: half the Newton decrement, whatever the damping of the trials.
         let undamped_promise = states_promise + border.step(0.0).map_or(f64::INFINITY, |(_, promise)| promise);
         // Then this step is the last one, whether rounding lets it reduce the cost or not.
-        let nothing_left = undamped_promise <= settings.relative_cost_change * cost;
+        let mut nothing_left = undamped_promise <= settings.relative_cost_change * cost;
         while trials < 12 {
             trials += 1;
             let Some((shared, border_promise)) = border.step(damping) else {
@@ -194,6 +194,9 @@ pub fn minimise<P: LeastSquares>(
                 };
                 break;
             }
+            // The promise is a small difference of large sums: where rounding hides it, a whole step that changes next to nothing tells.
+            let little = (trial_cost - cost).abs() <= settings.relative_cost_change * cost;
+            nothing_left |= little && damping <= HEAVY_DAMPING && state_damping <= 1e-9;
             if nothing_left {
                 break;
             }
