@@ -43,11 +43,13 @@ impl Border {
     /// Holds one more direction (in the unknowns' own units).
     pub fn hold(&mut self, direction: &[f64]) {
         let mut v = DVector::from_row_slice(direction).component_div(&self.scale);
+        // Its length means nothing: where rounding alone makes up the information, the unit is huge.
+        let whole = v.norm();
         for q in self.held.column_iter() {
             v -= q * q.dot(&v);
         }
         let norm = v.norm();
-        if norm > 1e-9 {
+        if norm > 1e-9 * whole {
             let column = self.held.ncols();
             self.held = std::mem::replace(&mut self.held, DMatrix::zeros(0, 0)).insert_column(column, 0.0);
             self.held.set_column(column, &(v / norm));

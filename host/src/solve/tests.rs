@@ -276,6 +276,15 @@ fn a_held_direction_is_not_moved_and_has_no_variance() {
 }
 
 #[test]
+fn a_direction_of_which_only_rounding_speaks_can_be_held() {
+    let border = Border::new(&[1e-25, 0.0, 0.0, 4.0], &[1e-20, 2.0], &[vec![1.0, 0.0]]);
+    assert!(border.touches_held(0) && !border.touches_held(1));
+    let (step, _) = border.step(0.0).unwrap();
+    assert_eq!(step, [0.0, -0.5]);
+    assert_eq!(border.covariance().unwrap()[(0, 0)], 0.0);
+}
+
+#[test]
 fn an_undetermined_shared_unknown_is_found() {
     let mut problem = Random::new(3, 12, 3, 4, 1.0);
     for (_, p, _) in problem.rows.iter_mut().flatten() {
