@@ -67,6 +67,21 @@ pub struct Factor {
     linearise: Duration,
 }
 
+/// The factor of one stage, dense and row-major: `Uᵀ U = D`, `[Y | Z y] = U⁻ᵀ [E | B g]`. Its memory is used again from stage to stage.
+///
+/// The stage's step is `x = −U⁻¹ (Y x' + Z p + y)` with the step x' of [`Factor::neighbour`], into which it was eliminated.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct StageFactor {
+    /// Upper triangle with its diagonal, n × n; zero below.
+    pub u: Vec<f64>,
+    /// n × n; zero where the stage is eliminated into none.
+    pub y: Vec<f64>,
+    /// n × m, shared unknowns in their own order.
+    pub z: Vec<f64>,
+    /// n.
+    pub right: Vec<f64>,
+}
+
 impl Columns {
     /// Columns of `[Y | Z y]` that are kept.
     pub(super) fn kept_columns(&self) -> usize {
@@ -136,6 +151,46 @@ impl Factor {
             .map_err(|pivot| Singular { stage: middle, pivot })?;
         self.border = sweep.border;
         Ok(())
+    }
+
+    /// Number of stages.
+    pub fn stages(&self) -> usize {
+        self.columns.shape.stages
+    }
+
+    /// The stage that stage k is eliminated into; none for the last one, where the two sweeps meet.
+    pub fn neighbour(&self, k: usize) -> Option<usize> {
+        match k.cmp(&self.middle) {
+            std::cmp::Ordering::Less => Some(k + 1),
+            std::cmp::Ordering::Equal => None,
+            std::cmp::Ordering::Greater => Some(k - 1),
+        }
+    }
+
+    /// Writes out the factor of stage k.
+    pub fn stage(&self, k: usize, to: &mut StageFactor) {
+        let (n, m, padded) = (self.columns.shape.stage, self.columns.shape.border, self.columns.padded_stage);
+        let kept = &self.kept[k * self.columns.kept()..(k + 1) * self.columns.kept()];
+        let (u, rest) = kept.split_at(triangle(padded));
+        for (dense, size) in [(&mut to.u, n * n), (&mut to.y, n * n), (&mut to.z, n * m), (&mut to.right, n)] {
+            dense.clear();
+            dense.resize(size, 0.0);
+        }
+        let mut first = 0;
+        for (i, rest) in rest.chunks_exact(self.columns.kept_columns()).enumerate().take(n) {
+            // Rows begin with their diagonal block.
+            let from = i / LANES * LANES;
+            let row = &u[first..first + padded - from];
+            first += row.len();
+            to.u[i * n + i..(i + 1) * n].copy_from_slice(&row[i - from..n - from]);
+            to.u[i * n + i] = 1.0 / row[i - from];
+            let (y, z) = rest.split_at(padded);
+            to.y[i * n..(i + 1) * n].copy_from_slice(&y[..n]);
+            for (j, to) in to.z[i * m..(i + 1) * m].iter_mut().enumerate() {
+                *to = z[self.columns.shared(j)];
+            }
+            to.right[i] = z[self.columns.right()];
+        }
     }
 
     /// Entry (i, j) of the reduced border system, columns as [`Columns`] gives them.

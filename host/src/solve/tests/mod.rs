@@ -5,9 +5,9 @@ mod random;
 
 use nalgebra::{DMatrix, DVector};
 
-use self::random::{Random, zero};
+use self::random::{Random, dot, zero};
 use super::border::Border;
-use super::factor::Factor;
+use super::factor::{Factor, StageFactor};
 use super::levenberg::{Settings, Status, minimise};
 use super::{LeastSquares, Step};
 
@@ -80,6 +80,34 @@ fn a_linear_problem_is_solved_in_two_iterations_whatever_the_threads() {
     assert!(one.iterations.len() <= 2, "{:?}", one.iterations);
     assert_eq!(one.point, two.point, "bit for bit");
     assert_eq!(one.cost.to_bits(), two.cost.to_bits());
+}
+
+#[test]
+fn the_factor_of_a_stage_gives_its_step_and_its_place_in_the_chain() {
+    let (n, m) = (5, 7);
+    let problem = Random::new(21, 19, n, m, 3.0);
+    let mut factor = Factor::new(&problem).unwrap();
+    factor.factorise(&problem, &zero(&problem), 0.0, 2).unwrap();
+    let shared: Vec<f64> = (0..m).map(|j| 0.3 * j as f64 - 1.0).collect();
+    let mut step = Step::default();
+    factor.back_substitute(&shared, 2, &mut step);
+    let mut stage = StageFactor::default();
+    let mut ends = 0;
+    for k in 0..factor.stages() {
+        factor.stage(k, &mut stage);
+        let own = &step.states[k * n..][..n];
+        let neighbour = factor.neighbour(k);
+        ends += usize::from(neighbour.is_none());
+        let other = neighbour.map_or(vec![0.0; n], |other| step.states[other * n..][..n].to_vec());
+        for i in 0..n {
+            // U x + Y x' + Z p + y = 0
+            let left = dot(&stage.u[i * n..][..n], own) + dot(&stage.y[i * n..][..n], &other);
+            let sum = left + dot(&stage.z[i * m..][..m], &shared) + stage.right[i];
+            assert_close(sum, 0.0, 0.0, 1e-10, &format!("stage {k}, row {i}"));
+            assert!(stage.u[i * n..][..i].iter().all(|u| *u == 0.0) && stage.u[i * n + i] > 0.0);
+        }
+    }
+    assert_eq!(ends, 1);
 }
 
 #[test]
