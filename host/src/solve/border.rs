@@ -104,6 +104,14 @@ impl Border {
         Some(DMatrix::from_fn(m, m, |i, j| inverse[(i, j)] * self.scale[i] * self.scale[j]))
     }
 
+    /// log det of S, on the directions that are free in units of the conditional standard deviations where some are held. `None` when S is singular there.
+    pub fn log_determinant(&self) -> Option<f64> {
+        let scaled = self.scaled().cholesky()?;
+        let factor: f64 = scaled.l_dirty().diagonal().iter().map(|v| v.ln()).sum();
+        let units: f64 = if self.held.ncols() == 0 { self.scale.iter().map(|v| v.ln()).sum() } else { 0.0 };
+        Some(2.0 * (factor - units))
+    }
+
     /// Whether unknown i takes part in a held direction with more than a thousandth of its unit.
     pub fn touches_held(&self, i: usize) -> bool {
         self.held.row(i).norm() > 1e-3

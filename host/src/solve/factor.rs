@@ -117,6 +117,16 @@ impl Factor {
         self.linearise.as_secs_f64()
     }
 
+    /// Where columns stand.
+    pub(super) fn columns(&self) -> Columns {
+        self.columns
+    }
+
+    /// The stage where the two sweeps meet: eliminated last, into nothing.
+    pub(super) fn middle(&self) -> usize {
+        self.middle
+    }
+
     /// Linearises and eliminates all stages at `point`. `damping` multiplies each stage's own diagonal (0: plain Gauss–Newton).
     ///
     /// # Errors

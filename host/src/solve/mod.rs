@@ -9,10 +9,14 @@
 //! Residuals touch one stage and the border, or carry a stage into the next one, `x[k+1] = φ(x[k], p)`: a problem fills them into [`Stage`]s.
 //! The Gauss–Newton matrix is then block tridiagonal with a dense border, and one elimination sweep costs O(N):
 //! [`factor`] runs it from both ends inwards on two threads, [`border`] holds what is left for the shared unknowns (the Schur
-//! complement, which is their information matrix), [`levenberg`] iterates, [`kernel`] has the small dense loops.
+//! complement, which is their information matrix), [`levenberg`] iterates, [`kernel`] has the small dense loops. From the finished factor,
+//! [`columns`] eliminates the states from further columns beside the Jacobian, and [`inverse`] has the log-determinant and the blocks of
+//! the inverse.
 
 pub mod border;
+pub mod columns;
 pub mod factor;
+pub mod inverse;
 pub mod kernel;
 pub mod levenberg;
 mod problem;
@@ -20,4 +24,4 @@ mod sweep;
 #[cfg(test)]
 mod tests;
 
-pub use problem::{BATCH, LeastSquares, Row, Shape, Stage, Step};
+pub use problem::{BATCH, LeastSquares, Row, RowAt, Shape, Stage, Step};

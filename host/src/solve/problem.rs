@@ -179,6 +179,31 @@ pub(super) struct UnitRow {
     pub residual: f64,
 }
 
+/// A row of a stage: the how-manieth of its kind.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum RowAt {
+    /// Of [`Stage::unit_row`].
+    Unit(usize),
+    /// Of [`Stage::sensor_row`].
+    Sensor(usize),
+    /// Of [`Stage::row`].
+    Other(usize),
+    /// Component i of the transition.
+    Transition(usize),
+}
+
+impl RowAt {
+    #[inline(always)]
+    pub(super) fn kind_and_index(self) -> (usize, usize) {
+        match self {
+            RowAt::Unit(i) => (0, i),
+            RowAt::Sensor(i) => (1, i),
+            RowAt::Other(i) => (2, i),
+            RowAt::Transition(i) => (3, i),
+        }
+    }
+}
+
 /// Everything that one stage adds: its rows, and the transition into the next one, `r = w ∘ (φ(x[k], p) − x[k+1])`.
 #[derive(Debug, Clone)]
 pub struct Stage {
@@ -239,6 +264,21 @@ impl Stage {
         self.linked = true;
         self.weight[i / LANES].0[i % LANES] = weight;
         self.transition.row(i, &self.columns, residual)
+    }
+
+    /// The rows that the stage has, each with its whitened residual: by kind, in the order in which they were added.
+    pub fn residuals(&self) -> impl Iterator<Item = (RowAt, f64)> + '_ {
+        let right = self.columns.right();
+        let panel = move |panel: &Panel, at: usize| {
+            let group = panel.stage_groups + right / LANES - panel.border.start;
+            panel.values[group * panel.capacity + at].0[right % LANES]
+        };
+        let transitions = if self.linked { self.columns.shape.stage } else { 0 };
+        let units = self.units.iter().enumerate().map(|(i, unit)| (RowAt::Unit(i), unit.residual));
+        let sensors = (0..self.sensors.rows).map(move |i| (RowAt::Sensor(i), panel(&self.sensors, i)));
+        let others = (0..self.others.rows).map(move |i| (RowAt::Other(i), panel(&self.others, i)));
+        let transitions = (0..transitions).map(move |i| (RowAt::Transition(i), panel(&self.transition, i)));
+        units.chain(sensors).chain(others).chain(transitions)
     }
 
     /// An empty stage of a problem of this shape.

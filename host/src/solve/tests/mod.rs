@@ -1,5 +1,6 @@
 //! The structured elimination against a dense one, on small random problems.
 
+mod columns;
 mod properties;
 mod random;
 

@@ -15,7 +15,7 @@ use crate::solve::border::Border;
 use crate::solve::factor::Factor;
 
 /// Bound of rounding errors, for matrices of these sizes.
-pub const ROUNDING: f64 = 1e-14;
+pub const ROUNDING: f64 = 2e-14;
 /// Conditions from which on nothing can be compared.
 pub const WORST_CONDITION: f64 = 1e12;
 
@@ -64,6 +64,17 @@ impl Dense {
         Dense { jacobian, residual, normal, scale, condition }
     }
 
+    /// H⁻¹ v, solved in units of d.
+    pub fn solve(&self, v: &DMatrix<f64>) -> DMatrix<f64> {
+        solve(&self.normal, &self.scale, v)
+    }
+
+    /// H_xx⁻¹ v.
+    pub fn solve_states(&self, v: &DMatrix<f64>) -> DMatrix<f64> {
+        let n = v.nrows();
+        solve(&self.normal.view((0, 0), (n, n)).into_owned(), &self.scale.rows(0, n).into_owned(), v)
+    }
+
     /// The Gauss–Newton step by an orthogonal factorisation, which does not square the condition.
     fn step(&self) -> DVector<f64> {
         let mut jacobian = self.jacobian.clone();
@@ -78,19 +89,20 @@ impl Dense {
     /// Schur complement of the last m unknowns.
     pub fn schur(&self, m: usize) -> DMatrix<f64> {
         let (whole, n) = (self.normal.nrows(), self.normal.nrows() - m);
-        let d = self.scale.rows(0, n).into_owned();
-        let states = scaled(&self.normal.view((0, 0), (n, n)).into_owned(), &d).cholesky().expect("states determined");
-        let mut coupling = self.normal.view((0, n), (n, m)).into_owned();
-        for (mut row, d) in coupling.row_iter_mut().zip(d.iter()) {
-            row /= *d;
-        }
-        self.normal.view((n, n), (whole - n, whole - n)) - coupling.transpose() * states.solve(&coupling)
+        let coupling = self.normal.view((0, n), (n, m)).into_owned();
+        self.normal.view((n, n), (whole - n, whole - n)) - coupling.transpose() * self.solve_states(&coupling)
     }
 }
 
 /// A in units of d.
 pub fn scaled(a: &DMatrix<f64>, d: &DVector<f64>) -> DMatrix<f64> {
     DMatrix::from_fn(a.nrows(), a.ncols(), |i, j| a[(i, j)] / (d[i] * d[j]))
+}
+
+/// A⁻¹ v, solved in units of d.
+fn solve(a: &DMatrix<f64>, d: &DVector<f64>, v: &DMatrix<f64>) -> DMatrix<f64> {
+    let by_rows = |v: &DMatrix<f64>| DMatrix::from_fn(v.nrows(), v.ncols(), |i, j| v[(i, j)] / d[i]);
+    by_rows(&scaled(a, d).cholesky().expect("checked by its condition").solve(&by_rows(v)))
 }
 
 pub fn factorised(problem: &Random, threads: usize) -> Factor {
