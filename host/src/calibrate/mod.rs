@@ -19,11 +19,13 @@ mod summary;
 mod tests;
 mod wide;
 
-pub use observability::{Unobservable, comparable_misalignments};
+pub use observability::{Unobservable, comparable_truth};
 pub use point::{BorderLayout, Point};
 pub use preset::{Assumptions, GyroRows, InitialNoise, Preset, ProcessNoise};
 pub use problem::Problem;
-pub use result::{Calibration, ChannelFit, ChannelNoise, ParameterEstimate, RecordingUsed, Seconds, Status};
+pub use result::{
+    Calibration, ChannelFit, ChannelNoise, Covariance, ParameterEstimate, RecordingUsed, Seconds, Status,
+};
 pub use series::Series;
 
 use std::time::Instant;

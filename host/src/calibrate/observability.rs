@@ -4,6 +4,7 @@ use nalgebra::{DMatrix, Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::point::BorderLayout;
+use crate::effect::TrueValue;
 use crate::model::{Model, SensorFrame, rotation};
 use crate::robot::Robot;
 
@@ -46,9 +47,27 @@ pub(super) fn without_held_turns(rotations: &mut [Matrix3<f64>], robot: &Robot, 
     }
 }
 
+/// True parameters as a calibration can find them, to compare with its estimates: the gyros' misalignments without the turn that no
+/// motion shows.
+pub fn comparable_truth(robot: &Robot, truth: &[TrueValue]) -> Vec<TrueValue> {
+    let mut truth = truth.to_vec();
+    let name = |gyro: usize, axis: usize| format!("R_imu{}[{}]", gyro + 1, ["x", "y", "z"][axis]);
+    let value = |name: String| truth.iter().find(|value| value.name == name).map_or(0.0, |value| value.value);
+    let misalignments: Vec<[f64; 3]> =
+        (0..robot.gyros().count()).map(|gyro| [0, 1, 2].map(|axis| value(name(gyro, axis)))).collect();
+    for (gyro, delta) in comparable_misalignments(robot, &misalignments).into_iter().enumerate() {
+        for (axis, delta) in delta.into_iter().enumerate() {
+            if let Some(value) = truth.iter_mut().find(|value| value.name == name(gyro, axis)) {
+                value.value = delta;
+            }
+        }
+    }
+    truth
+}
+
 /// Misalignments δ (one a gyro, rad) as a calibration can find them: the same predictions on a rigid base, no component along what
-/// the robot's build hides. To compare a known truth with an estimate.
-pub fn comparable_misalignments(robot: &Robot, misalignments: &[[f64; 3]]) -> Vec<[f64; 3]> {
+/// the robot's build hides.
+pub(super) fn comparable_misalignments(robot: &Robot, misalignments: &[[f64; 3]]) -> Vec<[f64; 3]> {
     let model = Model::new(robot);
     let gyros = robot.gyros().count();
     let border = BorderLayout { dynamics: model.coordinates().len(), gyros, recordings: 1 };

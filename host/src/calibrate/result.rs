@@ -53,6 +53,8 @@ pub struct Calibration {
     pub seconds: Seconds,
     /// Every free parameter.
     pub parameters: Vec<ParameterEstimate>,
+    /// How the errors of the estimates belong together.
+    pub covariance: Covariance,
     /// What the data cannot show; held at its start value.
     pub unobservable: Vec<Unobservable>,
     /// Matrices that take body axes to sensor axes, by gyro (`imu1` …), by rows.
@@ -93,6 +95,15 @@ pub struct Seconds {
     pub solve: f64,
     /// Everything, results included.
     pub total: f64,
+}
+
+/// Covariance of the identifiable parameters.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct Covariance {
+    /// Their names, in the order of the results.
+    pub parameters: Vec<String>,
+    /// By rows, in the product of the parameters' units. Empty where the information matrix is singular.
+    pub matrix: Vec<Vec<f64>>,
 }
 
 /// One parameter. Without an identifiable estimate there is no interval.

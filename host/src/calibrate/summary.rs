@@ -8,7 +8,9 @@ use super::Unobservable;
 use super::observability::{self, Held};
 use super::point::{BorderLayout, Point};
 use super::problem::Problem;
-use super::{Calibration, ChannelFit, ChannelNoise, ParameterEstimate, Preset, RecordingUsed, Seconds, Status};
+use super::{
+    Calibration, ChannelFit, ChannelNoise, Covariance, ParameterEstimate, Preset, RecordingUsed, Seconds, Status,
+};
 use crate::model::rotation;
 use crate::recording::Recording;
 use crate::robot::Robot;
@@ -95,7 +97,9 @@ pub(super) fn summarise<'m>(
     let (noise, fit) = channels(problem, end);
     let shape = problem.shape();
     let unknowns = shape.stages * shape.stage + shape.border - held.len();
+    let parameters = estimates(robot, problem, start, end, border, held);
     Calibration {
+        covariance: covariance(robot, problem, end, border, &parameters),
         robot: robot.name.clone(),
         robot_toml: robot.toml().to_string(),
         preset: Preset::Default,
@@ -111,7 +115,7 @@ pub(super) fn summarise<'m>(
         cost: solution.cost,
         dof: problem.row_count(end) as f64 - unknowns as f64,
         seconds: Seconds { start: 0.0, linearise: 0.0, factor: 0.0, solve: 0.0, total: 0.0 },
-        parameters: estimates(robot, problem, start, end, border, held),
+        parameters,
         unobservable: unobservable(robot, problem, end, held),
         rotations,
         noise,
@@ -158,6 +162,27 @@ pub(super) fn estimates<'m>(
         .collect();
     estimates.sort_by_key(|(place, _)| *place);
     estimates.into_iter().map(|(_, estimate)| estimate).collect()
+}
+
+/// The covariance of those parameters that have a standard error.
+fn covariance(
+    robot: &Robot,
+    problem: &Problem<'_>,
+    end: &Point<'_>,
+    border: &Border,
+    parameters: &[ParameterEstimate],
+) -> Covariance {
+    let Some(all) = physical_covariance(problem, end, border) else { return Covariance::default() };
+    let columns = columns(problem, robot, end, end);
+    let places: Vec<usize> = parameters
+        .iter()
+        .filter(|parameter| parameter.identifiable)
+        .filter_map(|parameter| columns.iter().position(|column| column.name == parameter.name))
+        .collect();
+    Covariance {
+        parameters: places.iter().map(|&i| columns[i].name.clone()).collect(),
+        matrix: places.iter().map(|&i| places.iter().map(|&j| all[(i, j)]).collect()).collect(),
+    }
 }
 
 /// The held directions by the names of their parameters; what the robot file fixes is no news.

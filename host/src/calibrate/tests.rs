@@ -2,8 +2,9 @@
 
 use rand::{RngExt, SeedableRng, rngs::StdRng};
 
+use super::observability::comparable_misalignments;
 use super::series::Series;
-use super::{Point, Preset, Problem, comparable_misalignments, start};
+use super::{Point, Preset, Problem, start};
 use crate::model::Model;
 use crate::robot::Robot;
 use crate::solve::{BATCH, LeastSquares, Stage, Step};

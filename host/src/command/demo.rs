@@ -7,7 +7,7 @@ use super::calibrate::{print_table, solve};
 use super::simulate::simulate_failure;
 use super::verify::verify_failure;
 use super::{Exit, Failure, NewFile, Ui, read_failure, robot_failure};
-use crate::calibrate::{self, Calibration, Preset, foresight};
+use crate::calibrate::{Calibration, Preset, comparable_truth, foresight};
 use crate::effect::TrueValue;
 use crate::recording::check::check;
 use crate::recording::{self, Recording};
@@ -53,7 +53,7 @@ pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
     ui.say(format_args!("1. A simulated {ROBOT}, seed {}, behind a pseudo-terminal", args.seed));
     let simulator =
         Simulator::start(&Options { seed: args.seed, ..Options::new(robot.clone()) }).map_err(simulate_failure)?;
-    let truth = comparable(&robot, simulator.truth());
+    let truth = comparable_truth(&robot, simulator.truth());
     ui.say("2. Recording the calibration motion and another one");
     let calibration_run = record(simulator.path(), "calibration", true, &folder, args.force)?;
     let validation_run = record(simulator.path(), "validation", false, &folder, args.force)?;
@@ -124,23 +124,6 @@ fn record(port: &Path, motion: &str, set_zero: bool, folder: &Path, force: bool)
         return Err(Failure::device(format!("recording the {motion} motion ended with {status}")));
     }
     recording::read(&run).map_err(read_failure)
-}
-
-/// The truth with the gyros' misalignments as a calibration can find them: the turn about yaw that no motion shows taken out.
-fn comparable(robot: &Robot, truth: &[TrueValue]) -> Vec<TrueValue> {
-    let mut truth = truth.to_vec();
-    let name = |gyro: usize, axis: usize| format!("R_imu{}[{}]", gyro + 1, ["x", "y", "z"][axis]);
-    let value = |name: String| truth.iter().find(|value| value.name == name).map_or(0.0, |value| value.value);
-    let misalignments: Vec<[f64; 3]> =
-        (0..robot.gyros().count()).map(|gyro| [0, 1, 2].map(|axis| value(name(gyro, axis)))).collect();
-    for (gyro, delta) in calibrate::comparable_misalignments(robot, &misalignments).into_iter().enumerate() {
-        for (axis, delta) in delta.into_iter().enumerate() {
-            if let Some(value) = truth.iter_mut().find(|value| value.name == name(gyro, axis)) {
-                value.value = delta;
-            }
-        }
-    }
-    truth
 }
 
 /// Truth, start and estimate ± error of every parameter; gives the largest relative error of a parameter of the dynamics.

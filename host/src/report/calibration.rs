@@ -264,6 +264,7 @@ mod tests {
             }],
             fit: vec![ChannelFit { channel: "gyro1.x".into(), rms: Some(1e-3), nrmse: Some(0.01) }],
             first_states: Vec::new(),
+            covariance: Default::default(),
         }
     }
 
