@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use super::{Exit, Failure, NewFile, Ui, interrupt, robot_failure};
 use crate::robot::Robot;
-use crate::simulate::{EffectChoice, Fault, Options, Pace, SimulateError, SimulationReport, Simulator};
+use crate::simulate::{EffectChoice, Fault, Options, Pace, SimulateError, SimulationReport, Simulator, parse_scale};
 
 /// Play robot and microcontroller behind a pseudo-terminal
 ///
@@ -27,6 +27,9 @@ pub struct Args {
     /// Hide an effect drawn by this seed
     #[arg(long, value_name = "SEED")]
     hide: Option<u64>,
+    /// Process noise: white torque on motors and links, 1 for a hundredth of the paper's (36)
+    #[arg(long, value_name = "SCALE", default_value_t = 0.0, value_parser = scale)]
+    process_noise: f64,
     /// Decides true parameters, sizes, noise and faults
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
@@ -45,6 +48,10 @@ pub struct Args {
     force: bool,
 }
 
+fn scale(text: &str) -> Result<f64, &'static str> {
+    parse_scale(text).ok_or("a number, 0 or above")
+}
+
 /// Runs until Ctrl-C.
 pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
     let truth = args.truth.as_deref().map(|path| NewFile::claim(path, args.force)).transpose()?;
@@ -53,6 +60,7 @@ pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
         seed: args.seed,
         effects: args.effects,
         hide: args.hide,
+        process_noise: args.process_noise,
         pace: args.pace,
         faults: args.faults,
         link: args.link,
@@ -123,6 +131,7 @@ pub(super) fn simulate_failure(error: SimulateError) -> Failure {
         SimulateError::Unsuited { .. } => {
             Failure::data(error).advice("change the description, or simulate another robot")
         }
+        SimulateError::Motion { .. } => Failure::data(error).advice("correct the motion file"),
         SimulateError::Port(_) => Failure::device(error).advice("a file in the way of --link must be moved first"),
         SimulateError::Gyro { .. } | SimulateError::Machine { .. } | SimulateError::Died => Failure::fault(error),
     }

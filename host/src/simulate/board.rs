@@ -75,6 +75,29 @@ impl Board {
         Ok(())
     }
 
+    /// The next tick begins a motion: the robot is let go.
+    pub(super) fn begin_motion(&mut self) {
+        self.world.begin_motion();
+    }
+
+    /// What the firmware is told of its sensors.
+    pub(super) fn world(&self) -> &World {
+        &self.world
+    }
+
+    /// One tick under another mind than the core's, with the same timing: `decide` makes of the readings the duty that is in
+    /// force from the next tick on. Returns the readings and the duty in force in this tick.
+    pub(super) fn tick_with(
+        &mut self,
+        decide: impl FnOnce(&Inputs) -> [Duty; MAX_JOINTS],
+    ) -> (Inputs, [f64; MAX_JOINTS]) {
+        let inputs = self.read_sensors();
+        let in_force = self.preloaded;
+        self.world.pass(&in_force);
+        self.preloaded = fractions(decide(&inputs));
+        (inputs, in_force)
+    }
+
     fn read_sensors(&mut self) -> Inputs {
         let mut inputs = Inputs { last_execution_us: EXECUTION_US, ..Inputs::default() };
         let hardware = self.world.sense(&self.preloaded);
@@ -101,7 +124,7 @@ impl Microcontroller for Board {
 
         let in_force = if outputs.stop { [0.0; MAX_JOINTS] } else { self.preloaded };
         self.world.pass(&in_force);
-        self.preloaded = outputs.duty.map(|duty| f64::from(duty.0) / f64::from(Duty::FULL));
+        self.preloaded = fractions(outputs.duty);
         Ok(())
     }
 
@@ -134,6 +157,10 @@ impl Microcontroller for Board {
     fn time_s(&self) -> f64 {
         self.world.clock().now_ns() as f64 * 1e-9
     }
+}
+
+fn fractions(duty: [Duty; MAX_JOINTS]) -> [f64; MAX_JOINTS] {
+    duty.map(|duty| f64::from(duty.0) / f64::from(Duty::FULL))
 }
 
 impl GyroDriver {

@@ -13,7 +13,9 @@ pub enum SimulateError {
     #[error(transparent)]
     Effect(#[from] EffectError),
     /// An option that does not exist.
-    #[error("a simulated port has no option `{key}`; there are robot, seed, effect, hide, pace, fault, truth")]
+    #[error(
+        "a simulated port has no option `{key}`; there are robot, seed, effect, hide, process_noise, pace, fault, truth"
+    )]
     UnknownOption {
         /// What was given.
         key: String,
@@ -33,6 +35,12 @@ pub enum SimulateError {
     Unsuited {
         /// What the firmware lacks.
         reason: String,
+    },
+    /// A text that is not a motion, or one that this robot cannot play.
+    #[error("the motion cannot be played: {said}")]
+    Motion {
+        /// What is wrong with it.
+        said: String,
     },
     /// A driver did not find its part as it must be.
     #[error("the firmware could not set up a gyro: {said}")]

@@ -12,6 +12,7 @@
 
 mod board;
 mod chip;
+mod direct;
 mod encoder;
 mod error;
 mod line;
@@ -30,11 +31,13 @@ mod tests;
 
 pub use board::Board;
 pub use chip::{Bmi323Chip, BoardClock, Icm42688pChip, Shared};
+pub use direct::{Direct, SHORT_MOTION};
 pub use error::SimulateError;
 pub use line::LineCounts;
 pub use microcontroller::Microcontroller;
+pub(crate) use options::parse_scale;
 pub use options::{EffectChoice, Fault, Options, Pace};
-pub use plant::{Plant, STEP_S};
+pub use plant::{Plant, ProcessNoise, STEP_S};
 pub use session::FaultCounts;
 pub use simulator::{Drawn, EffectTruth, SimulationReport, Simulator};
 pub use truth::Truth;

@@ -16,6 +16,8 @@ pub enum Purpose {
     Hide = 2,
     /// Noise of the sensors before the first motion; that of motion k is `Noise + k`.
     Noise = 16,
+    /// Process noise before the first motion; that of motion k is `Process + k`.
+    Process = 1 << 32,
     /// Faults of the line.
     Line = 3,
 }
@@ -31,27 +33,33 @@ fn numbered(seed: u64, number: u64) -> ChaCha8Rng {
     rng
 }
 
-/// Gaussian noise of the sensors.
+/// Gaussian noise, of the sensors or of the process.
 ///
 /// Every motion begins a stream of its own: how long the robot waited before it, which is the host's doing, does not
 /// change what the motion's recording holds.
 #[derive(Debug)]
 pub struct Noise {
     seed: u64,
+    purpose: Purpose,
     motions: u64,
     rng: ChaCha8Rng,
 }
 
 impl Noise {
-    /// From a seed, before the first motion.
+    /// The sensors' noise from a seed, before the first motion.
     pub fn new(seed: u64) -> Self {
-        Self { seed, motions: 0, rng: stream(seed, Purpose::Noise) }
+        Self::of(seed, Purpose::Noise)
+    }
+
+    /// The noise of a purpose from a seed, before the first motion.
+    pub fn of(seed: u64, purpose: Purpose) -> Self {
+        Self { seed, purpose, motions: 0, rng: stream(seed, purpose) }
     }
 
     /// A motion begins.
     pub fn begin_motion(&mut self) {
         self.motions += 1;
-        self.rng = numbered(self.seed, Purpose::Noise as u64 + self.motions);
+        self.rng = numbered(self.seed, self.purpose as u64 + self.motions);
     }
 
     /// One value of standard deviation `sigma` from the first motion on. Before it the robot is held in its marked pose

@@ -20,6 +20,8 @@ pub struct Options {
     pub effects: Vec<EffectChoice>,
     /// One more effect, drawn by this seed of its own.
     pub hide: Option<u64>,
+    /// Process noise in the plant, in [`ProcessNoise::UNIT`](super::ProcessNoise::UNIT); 0 for none.
+    pub process_noise: f64,
     /// How simulated time follows the host's.
     pub pace: Pace,
     /// Faults of the line and the board.
@@ -88,6 +90,7 @@ impl Options {
             seed: 0,
             effects: Vec::new(),
             hide: None,
+            process_noise: 0.0,
             pace: Pace::Fast,
             faults: Vec::new(),
             link: None,
@@ -113,6 +116,9 @@ impl Options {
                 "robot" => {}
                 "seed" => options.seed = value.parse().map_err(|_| wrong("a whole number"))?,
                 "hide" => options.hide = Some(value.parse().map_err(|_| wrong("a whole number"))?),
+                "process_noise" => {
+                    options.process_noise = parse_scale(value).ok_or_else(|| wrong("a number, 0 or above"))?;
+                }
                 "effect" => options.effects.push(value.parse()?),
                 "fault" => options.faults.push(value.parse()?),
                 "truth" => options.truth = Some(PathBuf::from(value)),
@@ -128,6 +134,11 @@ impl Options {
         }
         Ok(options)
     }
+}
+
+/// A finite scale, not negative.
+pub(crate) fn parse_scale(text: &str) -> Option<f64> {
+    text.parse().ok().filter(|scale: &f64| scale.is_finite() && *scale >= 0.0)
 }
 
 impl FromStr for EffectChoice {
@@ -188,12 +199,13 @@ mod tests {
 
     #[test]
     fn a_ports_name_says_all() {
-        let text = "seed=3,effect=base_bearing,effect=backlash=0.004,robot=one_joint,fault=drop=0.01,fault=reset@7,truth=t.json";
+        let text = "seed=3,effect=base_bearing,effect=backlash=0.004,robot=one_joint,fault=drop=0.01,fault=reset@7,truth=t.json,process_noise=2";
         let options = Options::parse(text).unwrap();
         assert_eq!((options.robot.name.as_str(), options.seed, options.pace), ("one_joint", 3, Pace::Fast));
         let effects: Vec<_> = options.effects.iter().map(|choice| (choice.effect.id, choice.size)).collect();
         assert_eq!(effects, [("base_bearing", Size::Medium), ("backlash", Size::Exact(0.004))]);
         assert_eq!(options.faults, [Fault::Drop(0.01), Fault::Reset { at_s: 7.0 }]);
+        assert_eq!(options.process_noise, 2.0);
         assert_eq!(options.truth, Some(PathBuf::from("t.json")));
         assert_eq!(Options::parse("").unwrap().robot.name, "doggy");
     }
@@ -221,6 +233,7 @@ mod tests {
             ("fault=drop=2", "`drop=2`"),
             ("fault=stall-out=1", "stall-out=SECONDS@TIME"),
             ("pace=quick", "real or fast"),
+            ("process_noise=-1", "0 or above"),
             ("robot=dogy", "did you mean `doggy`"),
             ("effect=base_baering=large", "did you mean `base_bearing`"),
         ] {

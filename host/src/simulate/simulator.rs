@@ -20,7 +20,7 @@ use super::noise::{Purpose, stream};
 use super::options::EffectChoice;
 use super::pty::Pty;
 use super::session::{FaultCounts, Session};
-use super::{Microcontroller, Options, Pace, Plant, SimulateError, Truth, World};
+use super::{Microcontroller, Options, Pace, Plant, ProcessNoise, SimulateError, Truth, World};
 use crate::effect::{Hidden, TrueValue};
 
 /// How long the fast pace waits for a host that says nothing.
@@ -86,7 +86,10 @@ impl Drawn {
         let truth = Truth::drawn(robot, &mut stream(options.seed, Purpose::Truth));
         let hidden = hide(options)?;
         let effects = hidden.iter().map(|h| EffectTruth { id: h.id, parameters: h.values.clone() }).collect();
-        let plant = Plant::new(robot, &truth, hidden)?;
+        let mut plant = Plant::new(robot, &truth, hidden)?;
+        if options.process_noise > 0.0 {
+            plant = plant.with_process_noise(ProcessNoise::scaled(options.process_noise), options.seed);
+        }
         Ok(Self { world: World::new(robot, plant, options.seed)?, truth: truth.values(robot), effects })
     }
 }

@@ -317,6 +317,12 @@ impl Layout {
         motors
     }
 
+    /// Where the speeds of a joint's link and, if it has a state of its own, motor stand.
+    pub fn speeds(&self, joint: usize) -> (usize, Option<usize>) {
+        let motor = self.elastic[joint].then_some(2 * self.chain + self.joints + joint);
+        (self.chain + self.first + joint, motor)
+    }
+
     /// Puts links and motors to these positions.
     pub fn place(&self, x: &mut [f64], q: &[f64]) {
         x[self.first..self.first + self.joints].copy_from_slice(q);

@@ -14,6 +14,7 @@
 //! Effects count time from the start of the motion. Until the first motion the robot is held in its marked pose.
 
 mod equations;
+mod process;
 
 use crate::effect::{CATALOGUE, Hidden, Past};
 use crate::robot::chain::MAX_JOINTS;
@@ -21,6 +22,8 @@ use crate::robot::{Robot, RobotError, Side, Vector3};
 
 use super::Truth;
 use equations::Equations;
+pub use process::ProcessNoise;
+use process::Shaking;
 
 /// Largest step of the integration, s.
 pub const STEP_S: f64 = 1e-4;
@@ -39,6 +42,7 @@ pub struct Plant {
     stages: [Vec<f64>; 4],
     trial: Vec<f64>,
     euler: Option<Euler>,
+    shaking: Option<Shaking>,
 }
 
 /// An explicit Euler integration in steps that do not care where sensors are read.
@@ -72,6 +76,7 @@ impl Plant {
             stages: std::array::from_fn(|_| vec![0.0; size]),
             trial: vec![0.0; size],
             euler: euler_step_s.map(|step_s| Euler { step_s, left_s: 0.0 }),
+            shaking: None,
         })
     }
 
@@ -79,6 +84,13 @@ impl Plant {
     #[must_use]
     pub fn with_step(mut self, step_s: f64) -> Self {
         self.step_s = step_s;
+        self
+    }
+
+    /// The same plant with process noise, which the seed decides from the start of a motion on.
+    #[must_use]
+    pub fn with_process_noise(mut self, noise: ProcessNoise, seed: u64) -> Self {
+        self.shaking = Some(Shaking::new(noise, seed));
         self
     }
 
@@ -93,6 +105,9 @@ impl Plant {
     pub fn begin_motion(&mut self) {
         self.held = false;
         self.time_s = 0.0;
+        if let Some(shaking) = &mut self.shaking {
+            shaking.begin_motion();
+        }
     }
 
     /// Puts motors and links to these positions, at rest and with relaxed transmissions.
@@ -154,8 +169,11 @@ impl Plant {
         input
     }
 
-    /// Time goes on; what jumps, jumps.
+    /// Time goes on; what shakes, shakes, and what jumps, jumps.
     fn pass(&mut self, step_s: f64) {
+        if let Some(shaking) = &mut self.shaking {
+            shaking.shake(&self.equations.layout, &mut self.state, step_s);
+        }
         let from_s = self.time_s;
         self.time_s += step_s;
         let mut own = &mut self.state[self.equations.layout.own..];

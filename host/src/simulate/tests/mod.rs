@@ -1,3 +1,4 @@
+mod direct;
 mod effects;
 mod plant;
 mod port;

@@ -6,7 +6,7 @@ use rand_chacha::ChaCha8Rng;
 use super::fast_duty;
 use crate::effect::{Effect, Size};
 use crate::robot::{Robot, Side, Symbol};
-use crate::simulate::{Plant, STEP_S, Truth};
+use crate::simulate::{Plant, ProcessNoise, STEP_S, Truth};
 
 fn run(robot: &Robot, effect: Option<(&str, Size)>, step_s: f64, seconds: f64) -> Vec<[f64; 9]> {
     let mut rng = ChaCha8Rng::seed_from_u64(5);
@@ -129,4 +129,37 @@ fn truth_is_drawn_within_its_spread_and_by_its_seed() {
     }
     assert_eq!(draw(1).get(&robot, Symbol::KT, 0), None);
     assert_eq!(draw(1).get(&robot, Symbol::KPwm, 0), draw(1).get(&robot, Symbol::KPwm, 2), "one value for all motors");
+}
+
+/// Link speeds after two milliseconds, for many seeds: the spread is that of a random walk, whatever the step. Belts
+/// answer more slowly than that.
+#[test]
+fn process_noise_is_a_random_walk_of_the_speeds_whatever_the_step() {
+    let robot = Robot::builtin("doggy").unwrap();
+    let truth = Truth::nominal(&robot);
+    for step_s in [STEP_S, 4.0 * STEP_S] {
+        let (mut squares, runs) = (0.0, 400);
+        for seed in 0..runs {
+            let plant = Plant::new(&robot, &truth, vec![]).unwrap().with_step(step_s);
+            let mut plant = plant.with_process_noise(ProcessNoise::UNIT, seed);
+            plant.begin_motion();
+            plant.advance(&[0.0; 3], 2e-3);
+            // Gyro 2 stands on the head: in the marked pose its three axes are the three joints'.
+            let bias = truth.bias(&robot, 1);
+            let rate = plant.gyro_rate(1);
+            squares += (0..3).map(|i| (rate[i] - bias[i]).powi(2)).sum::<f64>();
+        }
+        // Three independent link speeds, 2 ms each.
+        let spread = (squares / (3.0 * f64::from(runs as u32) * 2.0)).sqrt() / ProcessNoise::UNIT.link_speed;
+        // 1200 squares: 2 % one sigma.
+        assert!((0.93..1.07).contains(&spread), "step {step_s}: {spread}");
+    }
+    let shaken = |seed| {
+        let mut plant = Plant::new(&robot, &truth, vec![]).unwrap().with_process_noise(ProcessNoise::UNIT, seed);
+        plant.begin_motion();
+        plant.advance(&[0.5; 3], 0.1);
+        [0, 1, 2].map(|joint| plant.motor_position(joint))
+    };
+    assert_eq!(shaken(3), shaken(3));
+    assert_ne!(shaken(3), shaken(4));
 }
