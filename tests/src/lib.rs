@@ -1,6 +1,7 @@
-//! Helpers of the stories: the `host` binary run as a process, scratch folders, the folder of independent recordings.
+//! The study of how often intervals hold the truth, and helpers of the stories: the `host` binary run as a process, scratch folders, the folder of independent recordings.
 #![forbid(unsafe_code)]
 
+pub mod coverage;
 pub mod machine;
 
 use std::path::{Path, PathBuf};
