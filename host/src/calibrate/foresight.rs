@@ -1,18 +1,14 @@
-//! What a calibration on this recording will be able to say, before it is made: the information of its rows at a first guess of
-//! the states and at the start values of the parameters.
-//!
-//! One elimination of the states gives the information matrix of the shared unknowns there. The guess follows the sensors, so a little of their
-//! noise is taken for motion; what a motion leaves unmoved still stands out by orders of magnitude.
+//! What a calibration on this recording will be able to say, before it is made: the information of noise-free predictions at the start
+//! values of the parameters, as the calibration itself judges it at its end.
 
-use crate::calibrate::observability::{self, Held};
 use crate::model::Model;
 use crate::recording::check::{About, Check, Finding};
 use crate::recording::{Recording, Severity};
 use crate::robot::Robot;
 use crate::solve::border::Border;
-use crate::solve::factor::{Factor, SolveError};
+use crate::solve::levenberg::Settings;
 
-use super::{CalibrateError, Preset, Problem, Series, Unobservable, WEAK_INFORMATION, start, summary};
+use super::{CalibrateError, Preset, Problem, Series, Unobservable, identify, observability, start, summary};
 
 /// What a calibration can be expected to say.
 #[derive(Debug, Clone, PartialEq)]
@@ -47,23 +43,21 @@ pub fn foresee(robot: &Robot, recording: &Recording) -> Result<Foresight, Calibr
     let problem = Problem::new(&model, robot, &series, Preset::Default.assumptions());
     let mut held = observability::structural(&model, robot, problem.border());
     let start = start::start(&model, robot, &series);
-    let mut factor = Factor::new(&problem).map_err(CalibrateError::Solve)?;
-    let threads = crate::solve::levenberg::Settings::default().threads;
-    factor.factorise(&problem, &start, 0.0, threads).map_err(SolveError::from)?;
-    let (information, gradient) = factor.schur();
+    let threads = Settings::default().threads;
+    let judgement = identify::judge(&problem, robot, &start, &held, threads).map_err(CalibrateError::Solve)?;
+    held.extend(judgement.weak);
+    let silent = judgement.silent;
     let directions: Vec<_> = held.iter().map(|held| held.direction.clone()).collect();
-    let mut border = Border::new(&information, &gradient, &directions);
-    for weak in border.weak_directions(WEAK_INFORMATION) {
-        let direction = border.in_own_units(&weak);
-        border.hold(&direction);
-        held.push(Held { direction, reason: "this motion does not show it".to_string() });
-    }
-    let estimates = summary::estimates(robot, &problem, &start, &start, &border, &held);
+    let border = Border::new(&judgement.information, &vec![0.0; problem.border().size()], &directions);
+    let estimates = summary::estimates(robot, &problem, &start, &start, &border, &held, &silent);
     let parameters = estimates
         .into_iter()
         .map(|p| Expected { name: p.name, unit: p.unit, start: p.initial, std_error: p.std_error })
         .collect();
-    Ok(Foresight { parameters, unobservable: summary::unobservable(robot, &problem, &start, &held) })
+    Ok(Foresight {
+        parameters,
+        unobservable: summary::unobservable(robot, &problem, &start, held.iter().chain(&silent)),
+    })
 }
 
 /// A parameter whose expected standard error is a larger share of its start value than this is hardly shown by the motion.

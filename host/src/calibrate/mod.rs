@@ -1,17 +1,20 @@
 //! The calibration: residuals of a recording under a model, solved jointly for all states of all samples and the shared parameters.
 //!
 //! ```text
-//! Recording ─▶ series (one chain, broken at gaps) ─▶ start ─▶ problem ─▶ solve::levenberg ─▶ observability ─▶ Calibration
+//! Recording ─▶ series (one chain, broken at gaps) ─▶ start ─▶ problem ─▶ solve::levenberg ─▶ identify ─▶ Calibration
 //!                                       preset: integrator, gyro rows, noise ──┘
 //! ```
 
 mod chained;
 pub mod foresight;
+mod identify;
+mod noise_free;
 mod observability;
 mod point;
 mod preset;
 mod problem;
 mod result;
+mod search;
 mod series;
 mod start;
 mod summary;
@@ -26,6 +29,7 @@ pub use problem::Problem;
 pub use result::{
     Calibration, ChannelFit, ChannelNoise, Covariance, ParameterEstimate, RecordingUsed, Seconds, Status,
 };
+use search::Found;
 pub use series::Series;
 
 use std::time::Instant;
@@ -35,10 +39,7 @@ use crate::recording::Recording;
 use crate::robot::{ChannelKind, Robot};
 use crate::solve::border::Border;
 use crate::solve::factor::SolveError;
-use crate::solve::levenberg::{self, Iteration, Settings};
-
-/// A direction with less than this share of the information that its parameters would have alone is not determined by the motion.
-const WEAK_INFORMATION: f64 = 1e-9;
+use crate::solve::levenberg::{Iteration, Settings};
 
 /// Why recordings cannot be calibrated.
 #[derive(Debug, thiserror::Error)]
@@ -115,31 +116,20 @@ pub fn calibrate(
     let model = Model::new(robot);
     let series = Series::of(robot, recordings);
     let problem = Problem::new(&model, robot, &series, preset.assumptions());
-    let mut held = observability::structural(&model, robot, problem.border());
+    let structural = observability::structural(&model, robot, problem.border());
     let clock = Instant::now();
     let start = start::start(&model, robot, &series);
     let start_seconds = clock.elapsed().as_secs_f64();
-    let directions: Vec<_> = held.iter().map(|held| held.direction.clone()).collect();
-    let mut solution = levenberg::minimise(&problem, start.clone(), &directions, settings, progress)?;
-
+    let Found { mut solution, held, silent } =
+        search::search(&problem, robot, &start, &structural, settings, progress)?;
     observability::without_held_turns(&mut solution.point.rotations, robot, problem.border(), &held);
     let (information, gradient) = solution.factor.schur();
-    let mut border = Border::new(&information, &gradient, &directions);
-    let weak = border.weak_directions(WEAK_INFORMATION);
-    let unidentifiable = !weak.is_empty();
-    for weak in weak {
-        let direction = border.in_own_units(&weak);
-        border.hold(&direction);
-        let reason = format!(
-            "this motion does not show it: {:.1e} of the information that its parameters would have alone",
-            weak.relative_information
-        );
-        held.push(observability::Held { direction, reason });
-    }
-    let mut calibration = summary::summarise(robot, &problem, &start, &solution, &border, &held);
+    let directions: Vec<_> = held.iter().map(|held| held.direction.clone()).collect();
+    let border = Border::new(&information, &gradient, &directions);
+    let mut calibration = summary::summarise(robot, &problem, &start, &solution, &border, &held, &silent);
     calibration.preset = preset;
     calibration.recordings = recordings.iter().map(|recording| summary::used(recording)).collect();
-    if unidentifiable && calibration.status == Status::Converged {
+    if held.len() + silent.len() > structural.len() && calibration.status == Status::Converged {
         calibration.status = Status::Unidentifiable;
     }
     calibration.seconds = Seconds {

@@ -17,11 +17,22 @@ pub struct Unobservable {
     pub reason: String,
 }
 
-/// A held direction: in the border's unknowns, and why (empty where the robot file fixes the parameter).
+/// A held direction.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Held {
+    /// In the border's unknowns; as far as nobody knows where along it the truth lies.
     pub direction: Vec<f64>,
+    /// Shares of the physical parameters.
+    pub shares: Vec<f64>,
+    /// Why; empty where the robot file fixes the parameter.
     pub reason: String,
+}
+
+impl Held {
+    /// A direction of gyro unknowns, which are their own parameters.
+    fn of_gyro(direction: Vec<f64>, reason: String) -> Self {
+        Held { shares: direction.clone(), direction, reason }
+    }
 }
 
 /// Turns every gyro back about the axis that its body alone turns about, until its misalignment has no component along it.
@@ -91,7 +102,7 @@ pub(super) fn structural(model: &Model, robot: &Robot, border: &BorderLayout) ->
             direction
         };
         if !spec.rotation_free {
-            held.extend((0..3).map(|i| Held { direction: fixed(i), reason: String::new() }));
+            held.extend((0..3).map(|i| Held::of_gyro(fixed(i), String::new())));
         } else {
             let spanned = spanned_rates(model, robot, spec.body);
             let eigen = spanned.symmetric_eigen();
@@ -99,10 +110,8 @@ pub(super) fn structural(model: &Model, robot: &Robot, border: &BorderLayout) ->
             order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
             let rank = eigen.eigenvalues.iter().filter(|&&v| v > 1e-12 * eigen.eigenvalues.max().max(1e-300)).count();
             if eigen.eigenvalues.max() <= 0.0 {
-                held.extend((0..3).map(|i| Held {
-                    direction: fixed(i),
-                    reason: format!("no joint turns the body of gyro {}", gyro + 1),
-                }));
+                let reason = format!("no joint turns the body of gyro {}", gyro + 1);
+                held.extend((0..3).map(|i| Held::of_gyro(fixed(i), reason.clone())));
             } else if rank == 1 {
                 let axis = eigen.eigenvectors.column(order[0]);
                 let mut direction = vec![0.0; border.size()];
@@ -112,7 +121,7 @@ pub(super) fn structural(model: &Model, robot: &Robot, border: &BorderLayout) ->
                 }
                 let joint = &robot.joints[spec.body].name;
                 let reason = format!("rigid base: the {joint} rate is all that gyro {} sees", gyro + 1);
-                held.push(Held { direction, reason });
+                held.push(Held::of_gyro(direction, reason));
             }
         }
         if !spec.bias_free {
@@ -120,7 +129,7 @@ pub(super) fn structural(model: &Model, robot: &Robot, border: &BorderLayout) ->
                 for axis in 0..3 {
                     let mut direction = vec![0.0; border.size()];
                     direction[border.bias(recording, gyro) + axis] = 1.0;
-                    held.push(Held { direction, reason: String::new() });
+                    held.push(Held::of_gyro(direction, String::new()));
                 }
             }
         }

@@ -126,6 +126,14 @@ impl Series {
         &self.measured[k * self.channels.len()..(k + 1) * self.channels.len()]
     }
 
+    /// Replaces a reading, unless there is none.
+    pub(super) fn replace(&mut self, k: usize, channel: usize, reading: f64) {
+        let measured = &mut self.measured[k * self.channels.len() + channel];
+        if measured.is_finite() {
+            *measured = reading;
+        }
+    }
+
     /// Input from stage k to the next, one a joint.
     pub fn input(&self, k: usize) -> &[f64] {
         &self.input[k * self.joints..(k + 1) * self.joints]

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 
 use super::Unobservable;
 use super::observability::{self, Held};
@@ -20,6 +20,9 @@ use crate::solve::levenberg::{self, Solution};
 
 /// Two-sided 95 % of the normal distribution.
 const NORMAL_95: f64 = 1.959_963_984_540_054;
+
+/// A parameter that a held direction may shift by more than this many of its standard errors has no interval that could be trusted.
+const SPOILT: f64 = 0.5;
 
 const AXES: [&str; 3] = ["x", "y", "z"];
 
@@ -86,6 +89,7 @@ pub(super) fn summarise<'m>(
     solution: &Solution<Point<'m>>,
     border: &Border,
     held: &[Held],
+    silent: &[Held],
 ) -> Calibration {
     let end = &solution.point;
     let rotations: BTreeMap<_, _> = end
@@ -97,7 +101,7 @@ pub(super) fn summarise<'m>(
     let (noise, fit) = channels(problem, end);
     let shape = problem.shape();
     let unknowns = shape.stages * shape.stage + shape.border - held.len();
-    let parameters = estimates(robot, problem, start, end, border, held);
+    let parameters = estimates(robot, problem, start, end, border, held, silent);
     Calibration {
         covariance: covariance(robot, problem, end, border, &parameters),
         robot: robot.name.clone(),
@@ -116,7 +120,7 @@ pub(super) fn summarise<'m>(
         dof: problem.row_count(end) as f64 - unknowns as f64,
         seconds: Seconds { start: 0.0, linearise: 0.0, factor: 0.0, solve: 0.0, total: 0.0 },
         parameters,
-        unobservable: unobservable(robot, problem, end, held),
+        unobservable: unobservable(robot, problem, end, held.iter().chain(silent)),
         rotations,
         noise,
         fit,
@@ -124,7 +128,7 @@ pub(super) fn summarise<'m>(
     }
 }
 
-/// Every free parameter with its estimate at `end` and its interval, in the order of results.
+/// Every free parameter with its estimate at `end` (of a silent one, its start value) and its interval, in the order of results.
 pub(super) fn estimates<'m>(
     robot: &Robot,
     problem: &Problem<'m>,
@@ -132,21 +136,27 @@ pub(super) fn estimates<'m>(
     end: &Point<'m>,
     border: &Border,
     held: &[Held],
+    silent: &[Held],
 ) -> Vec<ParameterEstimate> {
     let columns = columns(problem, robot, start, end);
     let covariance = physical_covariance(problem, end, border);
     let slopes = observability::physical_slopes(problem.model, &end.z, problem.border());
+    // Where along a held direction the truth lies nobody knows; how far does that shift the parameters?
+    let shifts: Vec<DVector<f64>> =
+        held.iter().map(|held| &slopes * DVector::from_column_slice(&held.direction)).collect();
     let known = held.iter().filter(|held| held.reason.is_empty()).map(|held| &held.direction).collect::<Vec<_>>();
     let mut estimates: Vec<_> = columns
         .into_iter()
         .enumerate()
         .filter(|(i, _)| !known.iter().any(|direction| direction[*i] == 1.0))
-        .map(|(i, column)| {
-            let identifiable = !(0..slopes.ncols()).any(|j| slopes[(i, j)] != 0.0 && border.touches_held(j));
-            let std_error = covariance
-                .as_ref()
-                .map(|covariance| covariance[(i, i)].sqrt())
-                .filter(|error| identifiable && error.is_finite());
+        .map(|(i, mut column)| {
+            let silent = silent.iter().any(|silent| silent.shares[i] == 1.0);
+            if silent {
+                column.estimate = column.initial;
+            }
+            let std_error = covariance.as_ref().map(|covariance| covariance[(i, i)].max(0.0).sqrt()).filter(|error| {
+                !silent && error.is_finite() && !shifts.iter().any(|shift| shift[i].abs() > SPOILT * error)
+            });
             let interval = |error: f64| [column.estimate - NORMAL_95 * error, column.estimate + NORMAL_95 * error];
             let estimate = ParameterEstimate {
                 name: column.name,
@@ -186,14 +196,16 @@ fn covariance(
 }
 
 /// The held directions by the names of their parameters; what the robot file fixes is no news.
-pub(super) fn unobservable(robot: &Robot, problem: &Problem<'_>, end: &Point<'_>, held: &[Held]) -> Vec<Unobservable> {
+pub(super) fn unobservable<'h>(
+    robot: &Robot,
+    problem: &Problem<'_>,
+    end: &Point<'_>,
+    held: impl IntoIterator<Item = &'h Held>,
+) -> Vec<Unobservable> {
     let names: Vec<String> = columns(problem, robot, end, end).into_iter().map(|column| column.name).collect();
-    held.iter()
+    held.into_iter()
         .filter(|held| !held.reason.is_empty())
-        .map(|held| Unobservable {
-            direction: observability::named(&held.direction, &names),
-            reason: held.reason.clone(),
-        })
+        .map(|held| Unobservable { direction: observability::named(&held.shares, &names), reason: held.reason.clone() })
         .collect()
 }
 

@@ -1,0 +1,109 @@
+//! The motion as the model itself makes it from the recorded inputs: states without any sensor's noise in them.
+//!
+//! Smoothed states jitter with the sensors' noise, and jitter looks like motion: the columns of a belt that never moved are not zero
+//! there. Here they are, because nothing but the inputs moves a joint:
+//!
+//! ```text
+//! first state   mean over the rest before the motion, speeds zero; without rest, the smoothed one
+//! k → k+1       x ← φ(x, u),  then  θ, q += (θ_smoothed − θ) T / 1 s
+//! gap           one more step under the last input
+//! ```
+//!
+//! Friction decides where a free run stops, so positions would drift away; they are drawn to the smoothed ones, motor and link by the
+//! same amount, which moves no speed and winds no belt.
+
+use super::point::Point;
+use super::problem::{Problem, SHORTEST_REST};
+use crate::model::Stepper;
+
+/// Time constant with which positions follow the smoothed ones: moves take less, drift takes more, s.
+const FOLLOW_S: f64 = 1.0;
+
+/// A motion without noise.
+#[derive(Debug, Clone)]
+pub(super) struct NoiseFree<'m> {
+    /// The states; shared unknowns as they were given.
+    pub point: Point<'m>,
+    /// What the motion did with each joint.
+    pub joints: Vec<Moved>,
+}
+
+/// The largest that a joint did.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(super) struct Moved {
+    /// Motor speed (of a rigid joint, its own), rad/s or m/s.
+    pub speed: f64,
+    /// Link speed, rad/s or m/s.
+    pub link_speed: f64,
+    /// |q − θ|, rad or m.
+    pub windup: f64,
+}
+
+impl<'m> NoiseFree<'m> {
+    /// Runs the dynamics at `point` along the inputs of its recordings.
+    pub fn of(problem: &Problem<'m>, point: &Point<'m>) -> Self {
+        let (layout, series) = (problem.model.layout(), problem.series);
+        let (n, size) = (layout.joints(), layout.size());
+        let mut free = NoiseFree { point: point.clone(), joints: vec![Moved::default(); n] };
+        let mut stepper = Stepper::new(problem.assumptions.integrator);
+        let (mut x, mut next) = (vec![0.0; size], vec![0.0; size]);
+        for (recording, stages) in series.recordings.iter().enumerate() {
+            let mut step_s = stages.clone().map(|k| series.duration_s(k)).find(|s| s.is_finite()).unwrap_or(0.0);
+            for k in stages.clone() {
+                let smoothed = point.state(k);
+                if k == stages.start {
+                    first_state(problem, point, recording, &mut x);
+                } else {
+                    stepper.step(&point.dynamics, &x, series.input(k - 1), step_s, &mut next);
+                    std::mem::swap(&mut x, &mut next);
+                    for i in 0..n {
+                        let by = if layout.is_elastic(i) { layout.theta(i) } else { layout.q(i) };
+                        let shift = (smoothed[by] - x[by]) * (step_s / FOLLOW_S).min(1.0);
+                        x[layout.q(i)] += shift;
+                        if layout.is_elastic(i) {
+                            x[layout.theta(i)] += shift;
+                        }
+                    }
+                    if x.iter().any(|value| !value.is_finite()) {
+                        // Parameters so far off that one step runs away: nothing is known of this motion but its readings.
+                        x.copy_from_slice(smoothed);
+                    }
+                }
+                if series.duration_s(k).is_finite() {
+                    step_s = series.duration_s(k);
+                }
+                for (i, moved) in free.joints.iter_mut().enumerate() {
+                    let elastic = layout.is_elastic(i);
+                    let speed = x[if elastic { layout.thetad(i) } else { layout.qd(i) }];
+                    moved.speed = moved.speed.max(speed.abs());
+                    moved.link_speed = moved.link_speed.max(x[layout.qd(i)].abs());
+                    if elastic {
+                        moved.windup = moved.windup.max((x[layout.q(i)] - x[layout.theta(i)]).abs());
+                    }
+                }
+                free.point.states[k * size..(k + 1) * size].copy_from_slice(&x);
+            }
+        }
+        free
+    }
+}
+
+fn first_state(problem: &Problem<'_>, point: &Point<'_>, recording: usize, x: &mut [f64]) {
+    let layout = problem.model.layout();
+    let (stages, rest) = (&problem.series.recordings[recording], &problem.series.rest[recording]);
+    if rest.len() < SHORTEST_REST {
+        return x.copy_from_slice(point.state(stages.start));
+    }
+    x.fill(0.0);
+    for k in rest.clone() {
+        for (mean, value) in x.iter_mut().zip(point.state(k)) {
+            *mean += value / rest.len() as f64;
+        }
+    }
+    for i in 0..layout.joints() {
+        x[layout.qd(i)] = 0.0;
+        if layout.is_elastic(i) {
+            x[layout.thetad(i)] = 0.0;
+        }
+    }
+}
