@@ -18,6 +18,9 @@ use peer::{Doggy, Peer, Script, Wire, doggy};
 use protocol::hello::PanicPlace;
 use protocol::{Command, Report, ResetReason, ToDevice};
 
+/// Ticks that a device may be ahead of the host: twice what the host tells in one heartbeat, and some.
+const LEASH: u32 = 50;
+
 /// A folder, and a recording to be made in it.
 struct Desk {
     folder: tempfile::TempDir,
@@ -60,7 +63,7 @@ fn interrupt(child: &Child) {
 
 #[test]
 fn a_motion_is_recorded_and_the_losses_are_told() {
-    let peer = Peer::start(Doggy::default());
+    let peer = Peer::start(Doggy { leash: Some(LEASH), ..Doggy::default() });
     let desk = Desk::new();
     let (code, said) = ended(desk.record(&peer.path, &["--motion", &desk.short_motion()]).output().unwrap());
     assert_eq!(code, 0, "{said}");
@@ -240,7 +243,8 @@ fn a_hundred_kills_lose_half_a_second_at_most() {
         lanes.into_iter().map(|lane| lane.join().unwrap()).max().unwrap()
     });
     eprintln!("100 kills: at most {worst} ms lost");
-    assert!(worst <= 500, "{worst} ms lost");
+    // At most a quarter of a second is not flushed yet, and 50 ms are on the way.
+    assert!(worst <= 320, "{worst} ms lost");
 }
 
 /// Kills a recording at a moment drawn by `seed`; how much device time of it is missing in the file, ms.
@@ -251,7 +255,9 @@ fn kill(seed: u64) -> u32 {
         told.store(seq, Relaxed);
         true
     };
-    let peer = Peer::start(Doggy { seq: 0, motion_ticks: u32::MAX, fate: Box::new(fate), ..Doggy::default() });
+    // What counts is how far the file is behind the host, not how far the host is behind on a busy machine.
+    let leash = Some(LEASH);
+    let peer = Peer::start(Doggy { seq: 0, motion_ticks: u32::MAX, leash, fate: Box::new(fate), ..Doggy::default() });
     let desk = Desk::new();
     let mut child = desk.record(&peer.path, &["--motion", &desk.short_motion()]).spawn().unwrap();
     wait_for_growth(&desk.file("run.mcap"));

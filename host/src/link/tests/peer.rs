@@ -16,6 +16,9 @@ use protocol::{
 };
 use serialport::{SerialPort, TTYPort};
 
+/// Bytes that wait for the host until the device waits too.
+const ROOM: usize = 4096;
+
 /// A peer that runs until dropped.
 pub struct Peer {
     pub path: String,
@@ -71,10 +74,13 @@ impl Peer {
                         let _ = hears.send(message);
                     }
                 }
-                script.tick(&mut out);
+                // A host that is late makes the device late; nothing is lost for it.
+                if out.0.len() < ROOM {
+                    script.tick(&mut out);
+                }
                 if !out.0.is_empty() {
-                    let _ = port.write_all(&out.0);
-                    out.0.clear();
+                    let written = port.write(&out.0).unwrap_or(0);
+                    out.0.drain(..written);
                 }
             }
         });
@@ -126,6 +132,10 @@ pub struct Doggy {
     pub acted: Vec<Command>,
     pub memory: protocol::request::Memory,
     pub samples_per_tick: u32,
+    /// How many ticks it may be ahead of what the host has worked off: a busy machine makes it slower and changes nothing else.
+    pub leash: Option<u32>,
+    /// The last tick that the host has worked off, or the first of the stream.
+    pub worked_off: u32,
     /// How long a motion is played, ticks, and how it ends then.
     pub motion_ticks: u32,
     pub motion_end: MotionEnd,
@@ -153,6 +163,8 @@ impl Default for Doggy {
             acted: Vec::new(),
             memory: protocol::request::Memory::new(),
             samples_per_tick: 1,
+            leash: None,
+            worked_off: 0,
             motion_ticks: 500,
             motion_end: MotionEnd::Finished,
             reports: Vec::new(),
@@ -191,7 +203,12 @@ impl Script for Doggy {
                 self.memory.forget();
                 out.report(&Report::Hello(self.hello.clone()));
             }
-            ToDevice::Heartbeat(beat) => out.report(&Report::HeartbeatSeen { count: beat.count, t_us: 0 }),
+            ToDevice::Heartbeat(beat) => {
+                if (beat.seen_seq.wrapping_sub(self.worked_off) as i32) > 0 {
+                    self.worked_off = beat.seen_seq;
+                }
+                out.report(&Report::HeartbeatSeen { count: beat.count, t_us: 0 });
+            }
             ToDevice::Request { id, command } => {
                 let mut memory = self.memory;
                 let answer = memory.answer(*id, || {
@@ -199,6 +216,7 @@ impl Script for Doggy {
                     match command {
                         Command::Stream { on: true } => {
                             (self.streaming, self.first_seq, self.dropped) = (true, self.seq, 0);
+                            self.worked_off = self.seq;
                         }
                         Command::Stream { on: false } => (self.streaming, self.end_seq) = (false, self.seq),
                         Command::Start { .. } if self.hello.zero.is_none() => return Err(Refusal::NotZeroed),
@@ -230,6 +248,10 @@ impl Script for Doggy {
 
     fn tick(&mut self, out: &mut Wire) {
         for _ in 0..self.samples_per_tick {
+            let ahead = self.seq.wrapping_sub(self.worked_off) as i32;
+            if self.streaming && self.leash.is_some_and(|leash| ahead > leash as i32) {
+                return;
+            }
             if self.waiting.take_if(|at| *at == self.seq).is_some() {
                 self.playing = Some(self.seq);
             }
