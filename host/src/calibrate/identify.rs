@@ -134,7 +134,7 @@ pub(super) fn at_start<'m>(problem: &Problem<'m>, point: Point<'m>, start: &Poin
     for _ in 0..6 {
         let guess = Guess::new(problem, &at, &[]);
         let axes = guess.orthonormal(held);
-        let back = &axes * (axes.transpose() * guess.from_border(&difference(problem.border(), start, &at)));
+        let back = &axes * (axes.transpose() * guess.in_units(&difference(problem.border(), start, &at)));
         let border = guess.to_border(&back);
         let step = Step { states: vec![0.0; at.states.len()], border };
         problem.retract(&at, &step, &mut to);
@@ -219,7 +219,7 @@ impl Guess {
         (&self.inverse * scaled.component_mul(&self.size)).as_slice().to_vec()
     }
 
-    fn from_border(&self, direction: &[f64]) -> DVector<f64> {
+    fn in_units(&self, direction: &[f64]) -> DVector<f64> {
         (&self.slopes * DVector::from_column_slice(direction)).component_div(&self.size)
     }
 
@@ -227,7 +227,7 @@ impl Guess {
     fn orthonormal(&self, held: &[Held]) -> DMatrix<f64> {
         let mut axes = DMatrix::zeros(self.size.len(), 0);
         for held in held {
-            let mut v = self.from_border(&held.direction);
+            let mut v = self.in_units(&held.direction);
             let whole = v.norm();
             v -= &axes * (axes.transpose() * &v);
             if v.norm() > 1e-9 * whole {
