@@ -1,7 +1,7 @@
 //! The small dense loops of the elimination, on matrices of [`Quad`]s: groups of four columns, one group after the other, so that what a
 //! loop runs over is contiguous and needs no index.
 //!
-//! Everything is built of one loop, the [`tile`]: four rows times two groups of `C ± Σ_k a[k]ᵀ b[k]`, whose eight sums stay in
+//! Everything is built of one loop, the `tile`: four rows times two groups of `C ± Σ_k a[k]ᵀ b[k]`, whose eight sums stay in
 //! registers while k runs. Eight are what two multiply-add units with a latency of four cycles need; twelve would leave the compiler
 //! no register of sixteen to spare, and a sum that is spilled doubles the time.
 //! Only the groups on and above the diagonal of symmetric matrices are computed. The factorisation is `D = Uᵀ U`, so that the matrices

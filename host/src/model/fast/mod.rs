@@ -1,7 +1,7 @@
 //! The base model four samples at once: one step of the dynamics with its derivatives, and the gyros' rates.
 //!
 //! The same equations as the generic walk over dual numbers (which stays the reference: a test holds one against the other), with two
-//! differences that make them fast. The derivative of the link torque is taken in closed form ([`bodies`]), and four neighbouring samples
+//! differences that make them fast. The derivative of the link torque is taken in closed form (`bodies`), and four neighbouring samples
 //! fill the lanes of a vector, so that nothing is lost to short loops.
 //!
 //! What it covers: chains of [`JOINTS`] revolute elastic joints without Coriolis terms and without gravity on a joint. Everything else
