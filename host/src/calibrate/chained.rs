@@ -111,7 +111,7 @@ impl<'m> Problem<'m> {
             row(Row {
                 channel: None,
                 residual: axis.dot(&(frame.rate(first.body) - omega)),
-                weight: first.weight,
+                weight: first.weight[0],
                 depends: Depends::Listed { states: &states, border: &border },
                 linear,
             });
@@ -159,7 +159,7 @@ impl<'m> Problem<'m> {
                     row(Row {
                         channel: Some(gyro.channel + axis),
                         residual: predicted[axis] - value[axis],
-                        weight: gyro.weight,
+                        weight: gyro.weight[axis],
                         depends: Depends::Listed { states: &states, border: &border },
                         linear,
                     });
@@ -173,7 +173,7 @@ impl<'m> Problem<'m> {
                     row(Row {
                         channel: None,
                         residual: bias[axis] - value[axis],
-                        weight: gyro.weight,
+                        weight: gyro.weight[axis],
                         depends: Depends::Listed {
                             states: &[],
                             border: &[(self.border.bias(recording, gyro.gyro) + axis, 1.0)],

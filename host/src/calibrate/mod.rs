@@ -8,11 +8,13 @@
 mod chained;
 pub mod foresight;
 mod identify;
+mod noise;
 mod noise_free;
 mod observability;
 mod point;
 mod preset;
 mod problem;
+mod reml;
 mod result;
 mod search;
 mod series;
@@ -22,17 +24,19 @@ mod summary;
 mod tests;
 mod wide;
 
+pub use noise::Noise;
 pub use observability::{Unobservable, comparable_truth};
 pub use point::{BorderLayout, Point};
-pub use preset::{Assumptions, GyroRows, InitialNoise, Preset, ProcessNoise};
+pub use preset::{Assumptions, GyroRows, InitialNoise, Method, NoiseSource, Preset, ProcessNoise};
 pub use problem::Problem;
+use reml::Residue;
 pub use result::{
-    Calibration, ChannelFit, ChannelNoise, Covariance, ParameterEstimate, RecordingUsed, Seconds, Status,
+    Calibration, ChannelFit, ChannelNoise, Correlation, Covariance, ParameterEstimate, RecordingUsed, Seconds, Status,
 };
 use search::Found;
 pub use series::Series;
 
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use crate::model::Model;
 use crate::recording::Recording;
@@ -100,40 +104,64 @@ pub enum CalibrateError {
 /// Fewest samples of a recording.
 const FEWEST_SAMPLES: usize = 200;
 
-/// Calibrates `robot` on recordings of it. `progress` is called once an iteration.
+/// Relative change of the cost from which on a search ends whose weights will change anyway.
+const ROUGH: f64 = 1e-5;
+
+/// Calibrates `robot` on recordings of it, by a [`Preset`] or a [`Method`]. `progress` is called once an iteration.
+///
+/// Where the noise is estimated, the problem is solved under the preset's noise, roughly, and again under the noise that was found.
 ///
 /// # Errors
 /// [`CalibrateError`].
 pub fn calibrate(
     robot: &Robot,
     recordings: &[&Recording],
-    preset: Preset,
+    method: impl Into<Method>,
     settings: &Settings,
-    progress: impl FnMut(usize, &Iteration),
+    mut progress: impl FnMut(usize, &Iteration),
 ) -> Result<Calibration, CalibrateError> {
     let begin = Instant::now();
+    let Method { preset, noise } = method.into();
     check(robot, recordings, preset)?;
     let model = Model::new(robot);
     let series = Series::of(robot, recordings);
-    let problem = Problem::new(&model, robot, &series, preset.assumptions());
+    let mut problem = Problem::new(&model, robot, &series, preset.assumptions());
     let structural = observability::structural(&model, robot, problem.border());
     let clock = Instant::now();
     let start = start::start(&model, robot, &series);
     let start_seconds = clock.elapsed().as_secs_f64();
-    let Found { mut solution, held, silent } =
-        search::search(&problem, robot, &start, &structural, settings, progress)?;
+
+    let estimated = noise == NoiseSource::Estimated;
+    let rough = Settings { relative_cost_change: settings.relative_cost_change.max(ROUGH), ..settings.clone() };
+    let first = if estimated { &rough } else { settings };
+    let mut found = search::search(&problem, robot, &start, &structural, first, &mut progress)?;
+    let mut noise_clock = Duration::ZERO;
+    let mut floor = None;
+    if estimated {
+        let clock = Instant::now();
+        floor = Some(reml::estimate(&mut problem, &found.solution.point, settings.threads)?.floor);
+        noise_clock += clock.elapsed();
+        found = search::again(&problem, robot, found, &structural, settings, &mut progress)?;
+    }
+    let clock = Instant::now();
+    let residue = reml::residue(&problem, &found.solution.point, settings.threads)?;
+    let residue = Residue { floor, ..residue };
+    noise_clock += clock.elapsed();
+    let Found { mut solution, held, silent } = found;
     observability::without_held_turns(&mut solution.point.rotations, robot, problem.border(), &held);
     let (information, gradient) = solution.factor.schur();
     let directions: Vec<_> = held.iter().map(|held| held.direction.clone()).collect();
     let border = Border::new(&information, &gradient, &directions);
-    let mut calibration = summary::summarise(robot, &problem, &start, &solution, &border, &held, &silent);
+    let mut calibration = summary::summarise(robot, &problem, &start, &solution, &border, (&held, &silent), &residue);
     calibration.preset = preset;
+    calibration.noise_source = noise;
     calibration.recordings = recordings.iter().map(|recording| summary::used(recording)).collect();
     if held.len() + silent.len() > structural.len() && calibration.status == Status::Converged {
         calibration.status = Status::Unidentifiable;
     }
     calibration.seconds = Seconds {
         start: start_seconds,
+        noise: noise_clock.as_secs_f64(),
         linearise: solution.seconds.linearise,
         factor: solution.seconds.factor,
         solve: solution.seconds.solve,

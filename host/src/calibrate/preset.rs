@@ -14,6 +14,31 @@ pub enum Preset {
     Paper,
 }
 
+/// Where the standard deviations that weight the rows come from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "snake_case")]
+pub enum NoiseSource {
+    /// The robot file's for the sensors, the preset's for the steps of the model.
+    Fixed,
+    /// The recording itself, by restricted maximum likelihood.
+    Estimated,
+}
+
+/// How a calibration is made: the preset, and where the noise comes from. A preset alone keeps its noise fixed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Method {
+    /// Assumptions.
+    pub preset: Preset,
+    /// Where the noise comes from.
+    pub noise: NoiseSource,
+}
+
+impl From<Preset> for Method {
+    fn from(preset: Preset) -> Self {
+        Method { preset, noise: NoiseSource::Fixed }
+    }
+}
+
 /// The assumptions themselves.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Assumptions {

@@ -13,6 +13,7 @@ use std::ops::Range;
 
 use nalgebra::Vector3;
 
+use super::noise::Noise;
 use super::point::{BorderLayout, Point};
 use super::preset::{Assumptions, GyroRows};
 use super::series::Series;
@@ -30,6 +31,8 @@ pub struct Problem<'m> {
     pub(super) border: BorderLayout,
     /// Sensors grouped as rows are made.
     pub(super) rows: RowPlan,
+    /// What rows are weighted by.
+    pub(super) noise: Noise,
     /// 1/σ of each state component's step.
     pub(super) process_weight: Vec<f64>,
     /// Whether a channel is read after the tick's start, so that rows need the accelerations.
@@ -63,7 +66,8 @@ pub(super) struct GyroRow {
     pub gyro: usize,
     pub body: usize,
     pub offset_s: f64,
-    pub weight: f64,
+    /// Of each axis.
+    pub weight: [f64; 3],
 }
 
 impl RowPlan {
@@ -81,7 +85,7 @@ impl RowPlan {
                 ChannelKind::LinkSpeed { joint } => layout.qd(joint),
                 ChannelKind::GyroAxis { gyro, body, axis } => {
                     if axis == 0 {
-                        plan.gyros.push(GyroRow { channel, gyro, body, offset_s, weight });
+                        plan.gyros.push(GyroRow { channel, gyro, body, offset_s, weight: [weight; 3] });
                     }
                     continue;
                 }
@@ -107,17 +111,7 @@ pub struct Scratch {
 impl<'m> Problem<'m> {
     /// The problem of `series` under `model`.
     pub fn new(model: &'m Model, robot: &Robot, series: &'m Series, assumptions: Assumptions) -> Self {
-        let layout = model.layout();
-        let noise = assumptions.process.over(robot.sample_period_s);
-        let mut process_weight = vec![0.0; layout.size()];
-        for i in 0..layout.joints() {
-            process_weight[layout.q(i)] = 1.0 / noise.position;
-            process_weight[layout.qd(i)] = 1.0 / noise.link_speed;
-            if layout.is_elastic(i) {
-                process_weight[layout.theta(i)] = 1.0 / noise.position;
-                process_weight[layout.thetad(i)] = 1.0 / noise.motor_speed;
-            }
-        }
+        let noise = Noise::assumed(robot, model, series, &assumptions);
         let border = BorderLayout {
             dynamics: model.coordinates().len(),
             gyros: robot.gyros().count(),
@@ -126,7 +120,11 @@ impl<'m> Problem<'m> {
         let rows = RowPlan::of(series, model, assumptions.gyro_rows);
         let late = rows.scalars.iter().any(|r| r.offset_s != 0.0) || rows.gyros.iter().any(|r| r.offset_s != 0.0);
         let fast = if late { None } else { Fast::of(model) };
-        Problem { model, series, assumptions, border, rows, process_weight, late, fast }
+        let process_weight = Vec::new();
+        let mut problem =
+            Problem { model, series, assumptions, border, rows, noise: noise.clone(), process_weight, late, fast };
+        problem.set_noise(noise);
+        problem
     }
 
     /// The same problem without the fast kernel.
@@ -164,6 +162,18 @@ impl<'m> Problem<'m> {
             }
         }
         count
+    }
+
+    /// Calls `row` with the kind (unit, sensor, other: as stages keep them) and the channel of every row of stage k that is no transition.
+    pub(super) fn row_channels(
+        &self,
+        point: &Point<'m>,
+        k: usize,
+        scratch: &mut Scratch,
+        mut row: impl FnMut(usize, Option<usize>),
+    ) {
+        self.sensor_rows(point, k, scratch, false, &mut |sensor| row(sensor.kind(), sensor.channel));
+        self.initial_rows(point, k, &mut |_| row(2, None));
     }
 
     /// Calls `row` with every sensor row of stage k: residual, weight and, if asked for, what it depends on.
@@ -254,7 +264,7 @@ impl<'m> Problem<'m> {
                 row(Row {
                     channel: Some(gyro.channel + axis),
                     residual: predicted[axis] - value[axis],
-                    weight: gyro.weight,
+                    weight: gyro.weight[axis],
                     depends: Depends::BodyRate {
                         frame: &scratch.frame,
                         body: gyro.body,
@@ -348,6 +358,16 @@ pub(super) enum Depends<'a> {
 }
 
 impl Row<'_> {
+    /// Which kind of row [`push`](Self::push) makes: 0 unit, 1 sensor, 2 other.
+    fn kind(&self) -> usize {
+        match self.depends {
+            Depends::Component { offset_s: 0.0, .. } => 0,
+            Depends::Component { .. } => 2,
+            Depends::BodyRate { offset_s: 0.0, .. } | Depends::Listed { .. } => 1,
+            Depends::BodyRate { .. } => 2,
+        }
+    }
+
     /// Adds this row with its weighted derivatives to the stage, by the narrowest kind of row that holds them.
     fn push(&self, size: usize, joints: usize, stage: &mut Stage) {
         let (weight, residual) = (self.weight, self.weight * self.residual);

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::observability::Unobservable;
-use super::preset::Preset;
+use super::preset::{NoiseSource, Preset};
 
 /// How a calibration ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -37,6 +37,8 @@ pub struct Calibration {
     pub robot_toml: String,
     /// Assumptions.
     pub preset: Preset,
+    /// Where the noise comes from.
+    pub noise_source: NoiseSource,
     /// Ids of effects that extend the base model.
     pub extensions: Vec<String>,
     /// What was calibrated on.
@@ -55,11 +57,13 @@ pub struct Calibration {
     pub parameters: Vec<ParameterEstimate>,
     /// How the errors of the estimates belong together.
     pub covariance: Covariance,
+    /// Pairs of parameters whose errors are nearly one, largest correlation first.
+    pub correlations: Vec<Correlation>,
     /// What the data cannot show; held at its start value.
     pub unobservable: Vec<Unobservable>,
     /// Matrices that take body axes to sensor axes, by gyro (`imu1` …), by rows.
     pub rotations: std::collections::BTreeMap<String, [[f64; 3]; 3]>,
-    /// Noise that was assumed for each channel, and how the residuals compare with it.
+    /// Noise of each channel and of each state component's step, and how the residuals compare with it.
     pub noise: Vec<ChannelNoise>,
     /// How well the smoothed states fit each channel.
     pub fit: Vec<ChannelFit>,
@@ -87,6 +91,8 @@ pub struct RecordingUsed {
 pub struct Seconds {
     /// First guess of the states.
     pub start: f64,
+    /// Estimating the noise.
+    pub noise: f64,
     /// Residuals with their derivatives.
     pub linearise: f64,
     /// Eliminating the states.
@@ -104,6 +110,33 @@ pub struct Covariance {
     pub parameters: Vec<String>,
     /// By rows, in the product of the parameters' units. Empty where the information matrix is singular.
     pub matrix: Vec<Vec<f64>>,
+}
+
+/// Two parameters whose errors go together.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Correlation {
+    /// Their names.
+    pub parameters: [String; 2],
+    /// −1 to 1.
+    pub correlation: f64,
+}
+
+impl Covariance {
+    /// Pairs whose correlation is at least `least` in size, the largest first.
+    pub fn correlations(&self, least: f64) -> Vec<Correlation> {
+        let mut pairs = Vec::new();
+        for (i, row) in self.matrix.iter().enumerate() {
+            for (j, covariance) in row.iter().enumerate().take(i) {
+                let correlation = covariance / (row[i] * self.matrix[j][j]).sqrt();
+                if correlation.abs() >= least {
+                    let parameters = [self.parameters[j].clone(), self.parameters[i].clone()];
+                    pairs.push(Correlation { parameters, correlation });
+                }
+            }
+        }
+        pairs.sort_by(|a, b| b.correlation.abs().total_cmp(&a.correlation.abs()));
+        pairs
+    }
 }
 
 /// One parameter. Without an identifiable estimate there is no interval.
@@ -125,16 +158,20 @@ pub struct ParameterEstimate {
     pub identifiable: bool,
 }
 
-/// Assumed noise of a channel.
+/// Noise of a channel, or of a state component's step.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ChannelNoise {
-    /// Channel, as `gyro1.x`.
+    /// Channel, as `gyro1.x`; then `process.qd[2]`: what one step of the model misses of q̇ of joint 2.
     pub channel: String,
     /// Unit.
     pub unit: String,
-    /// Assumed standard deviation.
+    /// Standard deviation that the rows were weighted by.
     pub sigma: f64,
-    /// Mean square of the residual over σ²; about 1 when the assumption holds. Null where the preset makes no row of this channel.
+    /// What an estimate could not fall below: the integrator's own error, for steps. Null where nothing was estimated.
+    pub floor: Option<f64>,
+    /// Degrees of freedom that a row has: the share of a residual that the states do not follow. Null where there is no row.
+    pub freedom: Option<f64>,
+    /// Σ (r/σ)² over the degrees of freedom; about 1 when σ is right. Null where the preset makes no row of this channel.
     pub chi2_per_dof: Option<f64>,
 }
 

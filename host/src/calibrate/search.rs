@@ -55,3 +55,21 @@ pub(super) fn search<'m>(
         }
     }
 }
+
+/// Searches on from the end of another search, under other weights or with fewer readings.
+///
+/// # Errors
+/// As a solve's own.
+pub(super) fn again<'m>(
+    problem: &Problem<'m>,
+    robot: &Robot,
+    from: Found<'m>,
+    structural: &[Held],
+    settings: &Settings,
+    progress: impl FnMut(usize, &Iteration),
+) -> Result<Found<'m>, SolveError> {
+    let before = from.solution;
+    let mut found = search(problem, robot, &before.point, structural, settings, progress)?;
+    found.solution.add_before(before.iterations, before.seconds);
+    Ok(found)
+}

@@ -144,6 +144,13 @@ impl Series {
         self.duration_s[k]
     }
 
+    /// The median time from a stage to the next, s.
+    pub fn median_period_s(&self) -> f64 {
+        let mut durations: Vec<f64> = self.duration_s.iter().copied().filter(|duration| !duration.is_nan()).collect();
+        durations.sort_by(f64::total_cmp);
+        durations.get(durations.len() / 2).copied().unwrap_or(f64::NAN)
+    }
+
     /// Whether stage k is the first of a run.
     pub fn starts_run(&self, k: usize) -> bool {
         k == 0 || self.duration_s[k - 1].is_nan()

@@ -5,11 +5,14 @@ use std::collections::BTreeMap;
 use nalgebra::{DMatrix, DVector};
 
 use super::Unobservable;
+use super::noise;
 use super::observability::{self, Held};
 use super::point::{BorderLayout, Point};
 use super::problem::Problem;
+use super::reml::{self, Residue};
 use super::{
-    Calibration, ChannelFit, ChannelNoise, Covariance, ParameterEstimate, Preset, RecordingUsed, Seconds, Status,
+    Calibration, ChannelFit, ChannelNoise, Covariance, NoiseSource, ParameterEstimate, Preset, RecordingUsed, Seconds,
+    Status,
 };
 use crate::model::rotation;
 use crate::recording::Recording;
@@ -17,6 +20,9 @@ use crate::robot::Robot;
 use crate::solve::LeastSquares;
 use crate::solve::border::Border;
 use crate::solve::levenberg::{self, Solution};
+
+/// Correlations of this size are told.
+const STRONG: f64 = 0.9;
 
 /// Two-sided 95 % of the normal distribution.
 const NORMAL_95: f64 = 1.959_963_984_540_054;
@@ -88,8 +94,8 @@ pub(super) fn summarise<'m>(
     start: &Point<'m>,
     solution: &Solution<Point<'m>>,
     border: &Border,
-    held: &[Held],
-    silent: &[Held],
+    (held, silent): (&[Held], &[Held]),
+    residue: &Residue,
 ) -> Calibration {
     let end = &solution.point;
     let rotations: BTreeMap<_, _> = end
@@ -98,15 +104,18 @@ pub(super) fn summarise<'m>(
         .enumerate()
         .map(|(gyro, r)| (format!("imu{}", gyro + 1), std::array::from_fn(|i| std::array::from_fn(|j| r[(i, j)]))))
         .collect();
-    let (noise, fit) = channels(problem, end);
+    let (noise, fit) = channels(robot, problem, end, residue);
     let shape = problem.shape();
     let unknowns = shape.stages * shape.stage + shape.border - held.len();
     let parameters = estimates(robot, problem, start, end, border, held, silent);
+    let covariance = covariance(robot, problem, end, border, &parameters);
     Calibration {
-        covariance: covariance(robot, problem, end, border, &parameters),
+        correlations: covariance.correlations(STRONG),
+        covariance,
         robot: robot.name.clone(),
         robot_toml: robot.toml().to_string(),
         preset: Preset::Default,
+        noise_source: NoiseSource::Fixed,
         extensions: Vec::new(),
         recordings: Vec::new(),
         status: match solution.status {
@@ -118,7 +127,7 @@ pub(super) fn summarise<'m>(
         iterations: solution.iterations.len(),
         cost: solution.cost,
         dof: problem.row_count(end) as f64 - unknowns as f64,
-        seconds: Seconds { start: 0.0, linearise: 0.0, factor: 0.0, solve: 0.0, total: 0.0 },
+        seconds: Seconds { start: 0.0, noise: 0.0, linearise: 0.0, factor: 0.0, solve: 0.0, total: 0.0 },
         parameters,
         unobservable: unobservable(robot, problem, end, held.iter().chain(silent)),
         rotations,
@@ -219,8 +228,13 @@ fn place_in_results(column: usize, border: &BorderLayout) -> (usize, usize) {
     }
 }
 
-/// Residuals of every channel at the smoothed states.
-fn channels(problem: &Problem<'_>, end: &Point<'_>) -> (Vec<ChannelNoise>, Vec<ChannelFit>) {
+/// Residuals of every channel and of every state component's step at the smoothed states.
+fn channels(
+    robot: &Robot,
+    problem: &Problem<'_>,
+    end: &Point<'_>,
+    residue: &Residue,
+) -> (Vec<ChannelNoise>, Vec<ChannelFit>) {
     let specs = &problem.series.channels;
     let mut residual = vec![(0usize, 0.0); specs.len()];
     let mut spread = vec![(0usize, 0.0, 0.0); specs.len()];
@@ -240,22 +254,41 @@ fn channels(problem: &Problem<'_>, end: &Point<'_>) -> (Vec<ChannelNoise>, Vec<C
             }
         }
     }
+    let chi2 = |(rows, squares): (usize, f64), freedom: f64| {
+        (rows > 0 && freedom * rows as f64 > reml::FEWEST_DEGREES).then(|| squares / (freedom * rows as f64))
+    };
+    let share = |rows: usize, freedom: f64| (rows > 0 && freedom.is_finite()).then_some(freedom);
     let mut noise = Vec::new();
     let mut fit = Vec::new();
-    for (spec, ((rows, squares), (count, sum, sum_squares))) in specs.iter().zip(residual.into_iter().zip(spread)) {
+    for (c, (spec, (count, sum, sum_squares))) in specs.iter().zip(spread).enumerate() {
+        let (rows, squares) = residual[c];
+        let sigma = problem.noise().channels[c];
         let mean_square = (rows > 0).then(|| squares / rows as f64);
         let mean = sum / count as f64;
         let deviation = (sum_squares / count as f64 - mean * mean).max(0.0).sqrt();
         noise.push(ChannelNoise {
             channel: spec.name.clone(),
             unit: spec.unit.to_string(),
-            sigma: spec.sigma,
-            chi2_per_dof: mean_square.map(|square| square / (spec.sigma * spec.sigma)),
+            sigma,
+            floor: residue.floor.as_ref().map(|floor| floor.channels[c]),
+            freedom: share(rows, residue.freedom[c]),
+            chi2_per_dof: chi2((rows, squares / (sigma * sigma)), residue.freedom[c]),
         });
         fit.push(ChannelFit {
             channel: spec.name.clone(),
             rms: mean_square.map(f64::sqrt),
             nrmse: mean_square.filter(|_| deviation > 0.0).map(|square| square.sqrt() / deviation),
+        });
+    }
+    for (i, (name, unit)) in noise::process_names(robot, problem.model.layout()).into_iter().enumerate() {
+        let freedom = residue.freedom[specs.len() + i];
+        noise.push(ChannelNoise {
+            channel: name,
+            unit: unit.to_string(),
+            sigma: problem.noise().process[i],
+            floor: residue.floor.as_ref().map(|floor| floor.process[i]),
+            freedom: freedom.is_finite().then_some(freedom),
+            chi2_per_dof: residue.process_chi2_per_dof[i],
         });
     }
     (noise, fit)

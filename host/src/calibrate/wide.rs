@@ -224,11 +224,11 @@ impl Batch<'_, '_> {
                     if !value.is_finite() {
                         continue;
                     }
-                    let residual = gyro.weight * (point.biases[recording][gyro.gyro][axis] - value);
+                    let residual = gyro.weight[axis] * (point.biases[recording][gyro.gyro][axis] - value);
                     match sink {
                         Sink::Stages(batch) => {
                             let bias = problem.border.bias(recording, gyro.gyro) + axis;
-                            batch[lane].sensor_row(residual).add_shared(bias, gyro.weight);
+                            batch[lane].sensor_row(residual).add_shared(bias, gyro.weight[axis]);
                         }
                         Sink::Squares(sum) => *sum += residual * residual,
                     }
@@ -265,7 +265,7 @@ impl Batch<'_, '_> {
             for axis in 0..3 {
                 self.push(GyroRowQuads {
                     residual: rate.rate(axis) + bias[axis] - value[axis],
-                    weight: gyro.weight,
+                    weight: gyro.weight[axis],
                     valid: finite(value[axis].to_array(), [true; LANES]),
                     by_position: by_position(&rate, axis),
                     by_speed: by_speed(&rate, axis),
@@ -299,7 +299,7 @@ impl Batch<'_, '_> {
         let by_base = cross(&omega, &axis_quads);
         self.push(GyroRowQuads {
             residual: rate.rate(0) - dot(&axis_quads, &omega),
-            weight: base.weight,
+            weight: base.weight[0],
             valid: complete,
             by_position: by_position(&rate, 0),
             by_speed: by_speed(&rate, 0),
@@ -319,7 +319,7 @@ impl Batch<'_, '_> {
                 let by_base_bias = apply(&by_rows(&-base_rotation), &carried);
                 self.push(GyroRowQuads {
                     residual: rate.rate(axis) + bias[axis] - value[axis],
-                    weight: gyro.weight,
+                    weight: gyro.weight[axis],
                     valid: finite(value[axis].to_array(), complete),
                     by_position: by_position(&rate, axis),
                     by_speed: by_speed(&rate, axis),

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use super::{Exit, Failure, ResultArgs, Ui, read_failure, robot_failure};
-use crate::calibrate::{CalibrateError, Calibration, Preset, Status, calibrate};
+use crate::calibrate::{CalibrateError, Calibration, Method, NoiseSource, Preset, Status, calibrate};
 use crate::recording::{self, Recording};
 use crate::report;
 use crate::robot::Robot;
@@ -24,6 +24,9 @@ pub struct Args {
     /// Assumptions: `default`, or `paper` to reproduce the paper with its biases
     #[arg(long, value_enum, default_value_t = Preset::Default)]
     preset: Preset,
+    /// Noise of sensors and model steps: as the robot file and the preset say, or from the recording itself
+    #[arg(long, value_enum)]
+    noise: Option<NoiseSource>,
     #[command(flatten)]
     result: ResultArgs,
 }
@@ -44,7 +47,9 @@ pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
             ui.say(format_args!("{}: {damage}", recording.source.path.display()));
         }
     }
-    let calibration = solve(&robot, &recordings, args.preset, ui)?;
+    let method = Method::from(args.preset);
+    let method = Method { noise: args.noise.unwrap_or(method.noise), ..method };
+    let calibration = solve(&robot, &recordings, method, ui)?;
     print_table(ui, &calibration);
     let mut page = report::calibration::page(&calibration);
     if args.preset == Preset::Paper && args.result.report.is_some() {
@@ -57,9 +62,14 @@ pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
 }
 
 /// Calibrates with a progress line.
-pub(super) fn solve(robot: &Robot, recordings: &[&Recording], preset: Preset, ui: &Ui) -> Result<Calibration, Failure> {
+pub(super) fn solve(
+    robot: &Robot,
+    recordings: &[&Recording],
+    method: impl Into<Method>,
+    ui: &Ui,
+) -> Result<Calibration, Failure> {
     let progress = ui.busy("calibrating");
-    calibrate(robot, recordings, preset, &Settings::default(), |iteration, state| {
+    calibrate(robot, recordings, method, &Settings::default(), |iteration, state| {
         progress.note(format!("iteration {iteration}, cost {:.6e}", state.cost));
         tracing::debug!(iteration, cost = state.cost, damping = state.damping, trials = state.trials);
     })

@@ -223,7 +223,7 @@ pub fn paper_beside_default(default: &Calibration, paper: &Calibration, period_s
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::calibrate::{ChannelFit, ChannelNoise, Seconds, Unobservable};
+    use crate::calibrate::{ChannelFit, ChannelNoise, NoiseSource, Seconds, Unobservable};
     use crate::robot::Robot;
 
     fn parameter(name: &str, estimate: f64, error: Option<f64>) -> ParameterEstimate {
@@ -243,13 +243,14 @@ mod tests {
             robot: "doggy".into(),
             robot_toml: Robot::builtin("doggy").unwrap().toml().into(),
             preset: Preset::Default,
+            noise_source: NoiseSource::Estimated,
             extensions: Vec::new(),
             recordings: Vec::new(),
             status: Status::Converged,
             iterations: 9,
             cost: 50.0,
             dof: 100.0,
-            seconds: Seconds { start: 0.1, linearise: 0.4, factor: 0.6, solve: 0.5, total: 1.6 },
+            seconds: Seconds { start: 0.1, noise: 0.3, linearise: 0.4, factor: 0.6, solve: 0.5, total: 1.6 },
             parameters,
             unobservable: vec![Unobservable {
                 direction: vec![("R_imu1[z]".into(), 1.0)],
@@ -260,11 +261,14 @@ mod tests {
                 channel: "gyro1.x".into(),
                 unit: "rad/s".into(),
                 sigma: 1e-3,
+                floor: None,
+                freedom: Some(0.99),
                 chi2_per_dof: Some(1.0),
             }],
             fit: vec![ChannelFit { channel: "gyro1.x".into(), rms: Some(1e-3), nrmse: Some(0.01) }],
             first_states: Vec::new(),
             covariance: Default::default(),
+            correlations: Vec::new(),
         }
     }
 

@@ -98,6 +98,18 @@ pub struct Solution<P> {
     pub factor: Factor,
 }
 
+impl<P> Solution<P> {
+    /// Counts what came before this search, from whose end it started.
+    pub fn add_before(&mut self, mut iterations: Vec<Iteration>, seconds: Seconds) {
+        iterations.append(&mut self.iterations);
+        self.iterations = iterations;
+        self.seconds.linearise += seconds.linearise;
+        self.seconds.factor += seconds.factor;
+        self.seconds.solve += seconds.solve;
+        self.seconds.total += seconds.total;
+    }
+}
+
 /// Sum of ½ Σ r² over all stages; partial sums over fixed runs of stages make it independent of the number of threads.
 pub fn total_cost<P: LeastSquares>(problem: &P, point: &P::Point, threads: usize) -> f64 {
     const RUN: usize = 2048;

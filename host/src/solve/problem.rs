@@ -281,6 +281,11 @@ impl Stage {
         units.chain(sensors).chain(others).chain(transitions)
     }
 
+    /// Breaks the chain behind this stage.
+    pub fn unlink(&mut self) {
+        self.linked = false;
+    }
+
     /// An empty stage of a problem of this shape.
     #[cfg(test)]
     pub(crate) fn empty(shape: Shape) -> Self {

@@ -1,0 +1,168 @@
+//! The standard deviations that weight the rows of a problem: of every sensor channel, and of every state component's step.
+
+use super::point::Point;
+use super::preset::{Assumptions, ProcessNoise};
+use super::problem::Problem;
+use super::series::Series;
+use crate::model::{Layout, Model, Stepper};
+use crate::robot::{JointKind, Robot};
+use crate::solve::LeastSquares;
+
+/// Standard deviations, a plain value: taken from a preset, estimated from the recording, or frozen for a diagnosis.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Noise {
+    /// Of one reading of every channel, in the channel's unit.
+    pub channels: Vec<f64>,
+    /// Of what one step of the model misses, every state component in its own unit, over a sample period.
+    pub process: Vec<f64>,
+}
+
+/// Steps along a trajectory whose error is looked at.
+const STEPS_LOOKED_AT: usize = 5_000;
+
+/// White torque noise over a step of T moves the speed by σ and leaves the position T/√12 σ beside what speeds before and after tell.
+/// Positions are never taken for better known than that, nor than this share of a sample period times the fastest resolution of speeds.
+const POSITION_PER_SPEED: f64 = 0.288_675_134_594_813;
+
+impl Noise {
+    /// What the robot file says of the sensors, and the process noise that a preset assumes.
+    pub fn assumed(robot: &Robot, model: &Model, series: &Series, assumptions: &Assumptions) -> Self {
+        Noise {
+            channels: series.channels.iter().map(|channel| channel.sigma).collect(),
+            process: by_component(model.layout(), assumptions.process.over(robot.sample_period_s)),
+        }
+    }
+
+    /// The yardstick of a diagnosis: sensors as noisy as they are while no input has been given, steps as exact as `floor`.
+    ///
+    /// A sensor whose spread at rest is below half of what the robot file says keeps the file's value: at rest a coarse one shows the same
+    /// code again and again, and nothing of its error.
+    pub fn frozen(series: &Series, floor: &Noise) -> Self {
+        let spread = |channel: usize, file: f64| {
+            // Differences over one sample leave out what drifts; they carry the noise twice.
+            let mut sum = (0usize, 0.0);
+            for rest in &series.rest {
+                for k in rest.start..rest.end.saturating_sub(1) {
+                    let step = series.measured(k + 1)[channel] - series.measured(k)[channel];
+                    if step.is_finite() && !series.duration_s(k).is_nan() {
+                        sum = (sum.0 + 1, sum.1 + 0.5 * step * step);
+                    }
+                }
+            }
+            let sigma = (sum.1 / sum.0.max(1) as f64).sqrt();
+            if sum.0 >= super::problem::SHORTEST_REST && sigma >= 0.5 * file { sigma } else { file }
+        };
+        let channels = series.channels.iter().enumerate().map(|(channel, spec)| spread(channel, spec.sigma)).collect();
+        Noise { channels, process: floor.process.clone() }
+    }
+
+    /// Least standard deviations that make sense at `point`: of a step, the integrator's own error (root mean square of one step less two
+    /// half steps, along the trajectory); of a channel, a thousandth of what the robot file says.
+    pub(super) fn floor(problem: &Problem<'_>, point: &Point<'_>) -> Self {
+        let (series, layout) = (problem.series, problem.model.layout());
+        let size = layout.size();
+        let mut stepper = Stepper::new(problem.assumptions.integrator);
+        let (mut whole, mut half, mut halves) = (vec![0.0; size], vec![0.0; size], vec![0.0; size]);
+        let mut squares = vec![0.0; size];
+        let mut count = 0usize;
+        let mut period_s = 0.0;
+        for k in (0..series.stages()).step_by((series.stages() / STEPS_LOOKED_AT).max(1)) {
+            let duration_s = series.duration_s(k);
+            if duration_s.is_nan() {
+                continue;
+            }
+            let u = series.input(k);
+            stepper.step(&point.dynamics, point.state(k), u, duration_s, &mut whole);
+            stepper.step(&point.dynamics, point.state(k), u, 0.5 * duration_s, &mut half);
+            stepper.step(&point.dynamics, &half, u, 0.5 * duration_s, &mut halves);
+            for (square, (a, b)) in squares.iter_mut().zip(whole.iter().zip(&halves)) {
+                *square += (a - b) * (a - b);
+            }
+            count += 1;
+            period_s += duration_s;
+        }
+        let count = count.max(1) as f64;
+        let mut floor = Noise {
+            channels: series.channels.iter().map(|channel| 1e-3 * channel.sigma).collect(),
+            process: squares.into_iter().map(|square| (square / count).sqrt()).collect(),
+        };
+        floor.join_positions(layout, period_s / count);
+        floor
+    }
+
+    /// Positions no better known than their speeds allow.
+    pub(super) fn join_positions(&mut self, layout: &Layout, period_s: f64) {
+        let mut join = |position: usize, speed: usize| {
+            let least = POSITION_PER_SPEED * period_s * self.process[speed].max(LEAST_SPEED);
+            self.process[position] = self.process[position].max(least);
+        };
+        for i in 0..layout.joints() {
+            join(layout.q(i), layout.qd(i));
+            if layout.is_elastic(i) {
+                join(layout.theta(i), layout.thetad(i));
+            }
+        }
+        for sigma in &mut self.process {
+            *sigma = sigma.max(LEAST_SPEED * POSITION_PER_SPEED * period_s);
+        }
+    }
+}
+
+/// No step of a speed is taken for more exact than this, rad/s or m/s: a robot at rest has no integration error at all, and weights
+/// above 1e9 would leave nothing of the sensors' digits.
+const LEAST_SPEED: f64 = 1e-6;
+
+/// A value for every state component.
+fn by_component(layout: &Layout, noise: ProcessNoise) -> Vec<f64> {
+    let mut values = vec![0.0; layout.size()];
+    for i in 0..layout.joints() {
+        values[layout.q(i)] = noise.position;
+        values[layout.qd(i)] = noise.link_speed;
+        if layout.is_elastic(i) {
+            values[layout.theta(i)] = noise.position;
+            values[layout.thetad(i)] = noise.motor_speed;
+        }
+    }
+    values
+}
+
+/// Names and units of state components in results, as `process.qd[2]`.
+pub(super) fn process_names(robot: &Robot, layout: &Layout) -> Vec<(String, &'static str)> {
+    let mut names = vec![(String::new(), ""); layout.size()];
+    for (i, joint) in robot.joints.iter().enumerate() {
+        let units = match joint.kind {
+            JointKind::Revolute => ["rad", "rad/s"],
+            JointKind::Prismatic => ["m", "m/s"],
+        };
+        let mut name = |component: usize, letter: &str, unit| {
+            names[component] = (format!("process.{letter}[{}]", i + 1), unit);
+        };
+        name(layout.q(i), "q", units[0]);
+        name(layout.qd(i), "qd", units[1]);
+        if layout.is_elastic(i) {
+            name(layout.theta(i), "theta", units[0]);
+            name(layout.thetad(i), "thetad", units[1]);
+        }
+    }
+    names
+}
+
+impl Problem<'_> {
+    /// Weights all rows by `noise`.
+    pub fn set_noise(&mut self, noise: Noise) {
+        for row in &mut self.rows.scalars {
+            row.weight = 1.0 / noise.channels[row.channel];
+        }
+        for row in &mut self.rows.gyros {
+            row.weight = [0, 1, 2].map(|axis| 1.0 / noise.channels[row.channel + axis]);
+        }
+        self.process_weight = noise.process.iter().map(|sigma| 1.0 / sigma).collect();
+        self.noise = noise;
+        debug_assert_eq!(self.process_weight.len(), self.shape().stage);
+    }
+
+    /// What its rows are weighted by.
+    pub fn noise(&self) -> &Noise {
+        &self.noise
+    }
+}
