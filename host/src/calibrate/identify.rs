@@ -79,7 +79,12 @@ pub(super) fn judge(
     for direction in sparse_basis(&scaled) {
         let spread = 1.96 / direction.dot(&(&scaled * &direction)).max(0.0).sqrt();
         let reason = reason(robot, problem, &guess, &direction, spread, &free.joints);
-        weak.push(Held { direction: guess.to_border(&direction), shares: direction.as_slice().to_vec(), reason });
+        weak.push(Held {
+            direction: guess.to_border(&direction),
+            shares: direction.as_slice().to_vec(),
+            reason,
+            convention: false,
+        });
     }
     let mut silent = sticking(problem, robot, &free.joints);
     silent.retain(|silent| !weak.iter().any(|weak| silent.shares.iter().zip(&weak.shares).any(|(a, b)| a * b > 0.99)));
@@ -108,7 +113,7 @@ fn sticking(problem: &Problem<'_>, robot: &Robot, moved: &[Moved]) -> Vec<Held> 
             joint.name,
             unit(joint)
         );
-        Some(Held { direction: shares.clone(), shares, reason })
+        Some(Held { direction: shares.clone(), shares, reason, convention: false })
     });
     stuck.collect()
 }

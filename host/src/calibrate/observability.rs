@@ -26,12 +26,14 @@ pub(super) struct Held {
     pub shares: Vec<f64>,
     /// Why; empty where the robot file fixes the parameter.
     pub reason: String,
+    /// Whether its value is a convention, by which the other parameters are told: no motion could show it.
+    pub convention: bool,
 }
 
 impl Held {
     /// A direction of gyro unknowns, which are their own parameters.
     fn of_gyro(direction: Vec<f64>, reason: String) -> Self {
-        Held { shares: direction.clone(), direction, reason }
+        Held { shares: direction.clone(), direction, reason, convention: true }
     }
 }
 

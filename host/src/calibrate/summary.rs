@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, Vector3};
 
 use super::Unobservable;
 use super::noise;
@@ -150,9 +150,7 @@ pub(super) fn estimates<'m>(
     let columns = columns(problem, robot, start, end);
     let covariance = physical_covariance(problem, end, border);
     let slopes = observability::physical_slopes(problem.model, &end.z, problem.border());
-    // Where along a held direction the truth lies nobody knows; how far does that shift the parameters?
-    let shifts: Vec<DVector<f64>> =
-        held.iter().map(|held| &slopes * DVector::from_column_slice(&held.direction)).collect();
+    let shifts: Vec<DVector<f64>> = held.iter().map(|held| shift(held, &slopes, &columns, problem.border())).collect();
     let known = held.iter().filter(|held| held.reason.is_empty()).map(|held| &held.direction).collect::<Vec<_>>();
     let mut estimates: Vec<_> = columns
         .into_iter()
@@ -181,6 +179,22 @@ pub(super) fn estimates<'m>(
         .collect();
     estimates.sort_by_key(|(place, _)| *place);
     estimates.into_iter().map(|(_, estimate)| estimate).collect()
+}
+
+/// Where along a held direction the truth lies nobody knows: how far does that shift the parameters at most?
+fn shift(held: &Held, slopes: &DMatrix<f64>, columns: &[Column], border: &BorderLayout) -> DVector<f64> {
+    let mut shift = (slopes * DVector::from_column_slice(&held.direction)).abs();
+    if held.convention {
+        return shift;
+    }
+    for at in (0..border.gyros).map(|gyro| border.rotation(gyro)) {
+        // Rot(δ) Rot(d) = Rot(δ + d + ½ δ × d + …): a turn about one axis changes what is told about the others.
+        let delta = Vector3::from_fn(|axis, _| columns[at + axis].estimate);
+        let turn = Vector3::from_fn(|axis, _| held.direction[at + axis]);
+        let by_turn = 0.5 * delta.cross(&turn).abs();
+        shift.rows_mut(at, 3).zip_apply(&by_turn, |shift, more| *shift += more);
+    }
+    shift
 }
 
 /// The covariance of those parameters that have a standard error.
