@@ -7,7 +7,7 @@ use tests::coverage::{Outcome, Table, chi_square_band, study};
 const RUNS: u64 = 20;
 
 /// What the twenty errors are under the covariances, summed, is χ² of 20 · 12 degrees of freedom for the dynamics: in 99.9 % of
-/// studies within 174 to 318. Intervals a factor 1.5 too narrow make 540 of it, a factor 2 too wide 60.
+/// studies within 174 to 319. Intervals a factor 1.5 too narrow make 540 of it, a factor 2 too wide 60.
 #[test]
 fn intervals_of_twenty_robots_hold_the_truth() {
     let scratch = tempfile::tempdir().unwrap();
