@@ -14,7 +14,8 @@ use nalgebra::{Const, Matrix3, SVector, Vector3};
 use num_dual::{Derivative, DualSVec64};
 
 use super::point::Point;
-use super::problem::{Depends, GyroRow, Problem, Row, Scratch};
+use super::problem::{GyroRow, Problem, Scratch};
+use super::row::{Depends, Row};
 use crate::model::rotation::skew;
 use crate::robot::chain::{Chain, MAX_JOINTS};
 

@@ -16,6 +16,7 @@ mod preset;
 mod problem;
 mod reml;
 mod result;
+mod row;
 mod search;
 mod series;
 mod start;

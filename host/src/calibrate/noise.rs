@@ -8,7 +8,7 @@ use crate::model::{Layout, Model, Stepper};
 use crate::robot::{JointKind, Robot};
 use crate::solve::LeastSquares;
 
-/// Standard deviations, a plain value: taken from a preset, estimated from the recording, or frozen for a diagnosis.
+/// Standard deviations, a plain value: taken from a preset or estimated from the recording.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Noise {
     /// Of one reading of every channel, in the channel's unit.
@@ -21,7 +21,7 @@ pub struct Noise {
 const STEPS_LOOKED_AT: usize = 5_000;
 
 /// White torque noise over a step of T moves the speed by σ and leaves the position T/√12 σ beside what speeds before and after tell.
-/// Positions are never taken for better known than that, nor than this share of a sample period times the fastest resolution of speeds.
+/// Positions are never taken for better known than that.
 const POSITION_PER_SPEED: f64 = 0.288_675_134_594_813;
 
 impl Noise {
@@ -31,29 +31,6 @@ impl Noise {
             channels: series.channels.iter().map(|channel| channel.sigma).collect(),
             process: by_component(model.layout(), assumptions.process.over(robot.sample_period_s)),
         }
-    }
-
-    /// The yardstick of a diagnosis: sensors as noisy as they are while no input has been given, steps as exact as `floor`.
-    ///
-    /// A sensor whose spread at rest is below half of what the robot file says keeps the file's value: at rest a coarse one shows the same
-    /// code again and again, and nothing of its error.
-    pub fn frozen(series: &Series, floor: &Noise) -> Self {
-        let spread = |channel: usize, file: f64| {
-            // Differences over one sample leave out what drifts; they carry the noise twice.
-            let mut sum = (0usize, 0.0);
-            for rest in &series.rest {
-                for k in rest.start..rest.end.saturating_sub(1) {
-                    let step = series.measured(k + 1)[channel] - series.measured(k)[channel];
-                    if step.is_finite() && !series.duration_s(k).is_nan() {
-                        sum = (sum.0 + 1, sum.1 + 0.5 * step * step);
-                    }
-                }
-            }
-            let sigma = (sum.1 / sum.0.max(1) as f64).sqrt();
-            if sum.0 >= super::problem::SHORTEST_REST && sigma >= 0.5 * file { sigma } else { file }
-        };
-        let channels = series.channels.iter().enumerate().map(|(channel, spec)| spread(channel, spec.sigma)).collect();
-        Noise { channels, process: floor.process.clone() }
     }
 
     /// Least standard deviations that make sense at `point`: of a step, the integrator's own error (root mean square of one step less two

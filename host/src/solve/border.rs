@@ -1,6 +1,6 @@
-//! The reduced system of the shared unknowns: damped steps, covariance, directions that the data do not determine.
+//! The reduced system of the shared unknowns: damped steps and covariance, with directions held.
 
-use nalgebra::{DMatrix, DVector, SymmetricEigen};
+use nalgebra::{DMatrix, DVector};
 
 /// The information matrix S (states eliminated) and gradient g of the shared unknowns, with directions that are held.
 #[derive(Debug, Clone)]
@@ -11,15 +11,6 @@ pub struct Border {
     scale: DVector<f64>,
     /// Orthonormal columns (scaled coordinates): the held directions.
     held: DMatrix<f64>,
-}
-
-/// A direction of the shared unknowns that the data do not determine.
-#[derive(Debug, Clone, PartialEq)]
-pub struct WeakDirection {
-    /// Unit vector in units of each unknown's conditional standard deviation.
-    pub direction: Vec<f64>,
-    /// Information along it, relative to what each unknown would have alone (1: fully determined, 0: not at all).
-    pub relative_information: f64,
 }
 
 impl Border {
@@ -41,7 +32,7 @@ impl Border {
     }
 
     /// Holds one more direction (in the unknowns' own units).
-    pub fn hold(&mut self, direction: &[f64]) {
+    fn hold(&mut self, direction: &[f64]) {
         let mut v = DVector::from_row_slice(direction).component_div(&self.scale);
         // Its length means nothing: where rounding alone makes up the information, the unit is huge.
         let whole = v.norm();
@@ -77,25 +68,6 @@ impl Border {
         Some((delta.component_mul(&self.scale).as_slice().to_vec(), promised))
     }
 
-    /// Directions whose information is less than `threshold` of what their unknowns would have alone, weakest first; held ones excluded.
-    pub fn weak_directions(&self, threshold: f64) -> Vec<WeakDirection> {
-        let eigen = SymmetricEigen::new(self.scaled());
-        let mut weak: Vec<_> = (0..self.scale.len())
-            .filter(|&i| eigen.eigenvalues[i] < threshold)
-            .map(|i| WeakDirection {
-                direction: eigen.eigenvectors.column(i).as_slice().to_vec(),
-                relative_information: eigen.eigenvalues[i],
-            })
-            .collect();
-        weak.sort_by(|a, b| a.relative_information.total_cmp(&b.relative_information));
-        weak
-    }
-
-    /// A direction of [`weak_directions`](Self::weak_directions) in the unknowns' own units.
-    pub fn in_own_units(&self, direction: &WeakDirection) -> Vec<f64> {
-        direction.direction.iter().zip(self.scale.iter()).map(|(v, s)| v * s).collect()
-    }
-
     /// Covariance of the shared unknowns, row-major m × m: the inverse of S on the directions that are free, zero along held ones.
     /// `None` when S is singular there.
     pub fn covariance(&self) -> Option<DMatrix<f64>> {
@@ -110,10 +82,5 @@ impl Border {
         let factor: f64 = scaled.l_dirty().diagonal().iter().map(|v| v.ln()).sum();
         let units: f64 = if self.held.ncols() == 0 { self.scale.iter().map(|v| v.ln()).sum() } else { 0.0 };
         Some(2.0 * (factor - units))
-    }
-
-    /// Whether unknown i takes part in a held direction with more than a thousandth of its unit.
-    pub fn touches_held(&self, i: usize) -> bool {
-        self.held.row(i).norm() > 1e-3
     }
 }

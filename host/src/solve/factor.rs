@@ -15,6 +15,7 @@ use std::time::Duration;
 use super::kernel::{self, MAX_STAGE_SIZE, Pivot, triangle};
 use super::problem::{BATCH, Columns};
 use super::sweep::{Finish, Sweep, sweep_left, sweep_right};
+use super::threads::both;
 use super::{LeastSquares, Step};
 use crate::simd::{LANES, Quad, Simd, Work, vectorised};
 
@@ -142,17 +143,9 @@ impl Factor {
         let size = columns.kept();
         let (left_kept, rest) = self.kept.split_at_mut(middle * size);
         let (middle_kept, right_kept) = rest.split_at_mut(size);
-        let mut left = || sweep_right(problem, point, columns, damping, left_kept);
-        let mut right = || sweep_left(problem, point, columns, damping, middle, right_kept);
-        let (left, right) = if threads > 1 {
-            std::thread::scope(|scope| {
-                let left = scope.spawn(left);
-                let right = right();
-                (left.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)), right)
-            })
-        } else {
-            (left(), right())
-        };
+        let left = || sweep_right(problem, point, columns, damping, left_kept);
+        let right = || sweep_left(problem, point, columns, damping, middle, right_kept);
+        let (left, right) = both(threads, left, right);
         let (left, mut sweep): (Sweep, Sweep) = (left?, right?);
         self.linearise = left.linearise.max(sweep.linearise);
         sweep.take_over(&left);
@@ -236,21 +229,10 @@ impl Factor {
         let mut x = Substitution::new(columns, border);
         vectorised(BackSubstitute { x: &mut x, kept: middle_kept, states: middle_states, backwards: false });
         let mut right_x = x.clone();
-        let mut left = || {
-            vectorised(BackSubstitute { x: &mut x, kept: left_kept, states: left_states, backwards: true });
-        };
-        let mut right = || {
-            vectorised(BackSubstitute { x: &mut right_x, kept: right_kept, states: right_states, backwards: false });
-        };
-        if threads > 1 {
-            std::thread::scope(|scope| {
-                scope.spawn(left);
-                right();
-            });
-        } else {
-            left();
-            right();
-        }
+        let left = || vectorised(BackSubstitute { x: &mut x, kept: left_kept, states: left_states, backwards: true });
+        let right =
+            || vectorised(BackSubstitute { x: &mut right_x, kept: right_kept, states: right_states, backwards: false });
+        both(threads, left, right);
     }
 }
 

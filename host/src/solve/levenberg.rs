@@ -7,6 +7,7 @@ use std::time::Instant;
 
 use super::border::Border;
 use super::factor::{Factor, SolveError};
+use super::threads::both;
 use super::{LeastSquares, Step};
 
 /// Damping from which on a small change of the cost is no sign of a minimum.
@@ -119,18 +120,9 @@ pub fn total_cost<P: LeastSquares>(problem: &P, point: &P::Point, threads: usize
         let mut scratch = problem.scratch();
         runs.map(|run| problem.cost(point, run * RUN..((run + 1) * RUN).min(stages), &mut scratch)).collect()
     };
-    let sums: Vec<f64> = if threads > 1 && runs > 1 {
-        let half = runs / 2;
-        std::thread::scope(|scope| {
-            let first = scope.spawn(|| sum_runs(0..half));
-            let second = sum_runs(half..runs);
-            let mut sums = first.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
-            sums.extend(second);
-            sums
-        })
-    } else {
-        sum_runs(0..runs)
-    };
+    let half = runs / 2;
+    let (mut sums, rest) = both(threads, || sum_runs(0..half), || sum_runs(half..runs));
+    sums.extend(rest);
     sums.iter().sum::<f64>() + problem.border_cost(point)
 }
 

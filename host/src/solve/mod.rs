@@ -23,5 +23,6 @@ mod problem;
 mod sweep;
 #[cfg(test)]
 mod tests;
+mod threads;
 
 pub use problem::{BATCH, LeastSquares, Row, RowAt, Shape, Stage, Step};

@@ -64,6 +64,13 @@ impl Dense {
         Dense { jacobian, residual, normal, scale, condition }
     }
 
+    /// The residual of the normal equations at a step, and the sizes of what is summed up in it.
+    fn left_over(&self, step: &DVector<f64>) -> (f64, f64) {
+        let right = self.jacobian.transpose() * &self.residual;
+        let left = (&self.normal * step + &right).component_div(&self.scale);
+        (left.norm(), step.component_mul(&self.scale).norm() + right.component_div(&self.scale).norm())
+    }
+
     /// H⁻¹ v, solved in units of d.
     pub fn solve(&self, v: &DMatrix<f64>) -> DMatrix<f64> {
         solve(&self.normal, &self.scale, v)
@@ -111,7 +118,10 @@ pub fn factorised(problem: &Random, threads: usize) -> Factor {
     factor
 }
 
-fn all(step: &Step) -> DVector<f64> {
+/// The whole step that goes with a step of the shared unknowns.
+fn stepped(factor: &Factor, shared: &[f64], threads: usize) -> DVector<f64> {
+    let mut step = Step::default();
+    factor.back_substitute(shared, threads, &mut step);
     DVector::from_iterator(step.states.len() + step.border.len(), step.states.iter().chain(&step.border).copied())
 }
 
@@ -136,15 +146,10 @@ proptest! {
         }
         let border = Border::new(&information, &gradient, &[]);
         let (beta, _) = border.step(0.0).unwrap();
-        let mut step = Step::default();
-        factor.back_substitute(&beta, threads, &mut step);
-        let step = all(&step);
+        let step = stepped(&factor, &beta, threads);
 
-        // The residual of the normal equations, against the sizes of what is summed up in it.
-        let right = dense.jacobian.transpose() * &dense.residual;
-        let left = (&dense.normal * &step + &right).component_div(&dense.scale);
-        let size = step.component_mul(&dense.scale).norm() + right.component_div(&dense.scale).norm();
-        prop_assert!(left.norm() <= ROUNDING * size, "H δ + g = {:e} of {size:e}", left.norm());
+        let (left, size) = dense.left_over(&step);
+        prop_assert!(left <= ROUNDING * size, "H δ + g = {left:e} of {size:e}");
 
         let expected = dense.step();
         let off = (&step - &expected).component_mul(&dense.scale).norm();
@@ -168,15 +173,11 @@ proptest! {
         (unseen[0], unseen[m - 1]) = (2.0, -1.0);
         let border = Border::new(&information, &gradient, &[unseen.clone()]);
         let (beta, _) = border.step(0.0).unwrap();
-        let mut step = Step::default();
-        factor.back_substitute(&beta, threads, &mut step);
-        let step = all(&step);
+        let step = stepped(&factor, &beta, threads);
 
         // Any of the minima has the same residuals; the others are reached along the direction that is held.
-        let right = dense.jacobian.transpose() * &dense.residual;
-        let left = (&dense.normal * &step + &right).component_div(&dense.scale);
-        let size = step.component_mul(&dense.scale).norm() + right.component_div(&dense.scale).norm();
-        prop_assert!(left.norm() <= ROUNDING * size, "H δ + g = {:e} of {size:e}", left.norm());
+        let (left, size) = dense.left_over(&step);
+        prop_assert!(left <= ROUNDING * size, "H δ + g = {left:e} of {size:e}");
 
         // Covariance: that of the free directions, none along the held one in units of the conditional deviations.
         let covariance = border.covariance().unwrap();
