@@ -42,6 +42,8 @@ pub trait Simd: Copy + Send + Sync {
     fn sqrt(self, a: Self::Vector) -> Self::Vector;
     /// The nearest integers.
     fn round(self, a: Self::Vector) -> Self::Vector;
+    /// The transpose of a 4×4 block.
+    fn transpose(self, rows: [Self::Vector; LANES]) -> [Self::Vector; LANES];
 }
 
 /// Any machine: arrays.
@@ -103,6 +105,10 @@ impl Simd for Plain {
     fn round(self, a: Self::Vector) -> Self::Vector {
         a.map(f64::round_ties_even)
     }
+    #[inline(always)]
+    fn transpose(self, rows: [Self::Vector; LANES]) -> [Self::Vector; LANES] {
+        std::array::from_fn(|i| std::array::from_fn(|j| rows[j][i]))
+    }
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -151,6 +157,20 @@ impl Simd for pulp::x86::V3 {
     #[inline(always)]
     fn round(self, a: Self::Vector) -> Self::Vector {
         self.round_f64x4(a)
+    }
+    #[inline(always)]
+    fn transpose(self, [a, b, c, d]: [Self::Vector; LANES]) -> [Self::Vector; LANES] {
+        let avx = self.avx;
+        let [a, b, c, d] = [a, b, c, d].map(|row| pulp::cast(row));
+        // a0 b0 a2 b2, a1 b1 a3 b3, …
+        let (even, odd) = (avx._mm256_unpacklo_pd(a, b), avx._mm256_unpackhi_pd(a, b));
+        let (even_below, odd_below) = (avx._mm256_unpacklo_pd(c, d), avx._mm256_unpackhi_pd(c, d));
+        [
+            pulp::cast(avx._mm256_permute2f128_pd::<0x20>(even, even_below)),
+            pulp::cast(avx._mm256_permute2f128_pd::<0x20>(odd, odd_below)),
+            pulp::cast(avx._mm256_permute2f128_pd::<0x31>(even, even_below)),
+            pulp::cast(avx._mm256_permute2f128_pd::<0x31>(odd, odd_below)),
+        ]
     }
 }
 

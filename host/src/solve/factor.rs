@@ -7,14 +7,15 @@
 //! Stage k with block D, coupling E to the stage it is eliminated into, border part B and gradient g becomes
 //! `Uᵀ U = D`, `[Y | Z y] = U⁻ᵀ [E | B g]`; its neighbour's `[D | B g]` loses `Yᵀ [Y | Z y]`, the border loses `[Z y]ᵀ [Z y]`.
 //! Residuals and derivatives are made four stages at a time just before they are used (in `sweep`): Jacobians never go
-//! through memory. U and `[Y | Z y]` do, for the back-substitution: `n(n+4)/2 + n(n+m+1)` doubles a stage.
+//! through memory. U and `[Y | Z y]` do, for the back-substitution: see [`store`](super::store).
 //! The two sweeps and their order of summation are always the same, so results do not depend on the number of threads.
 
 use std::time::Duration;
 
-use super::kernel::{self, MAX_STAGE_SIZE, Pivot, triangle};
+use super::kernel::{MAX_STAGE_SIZE, Pivot, groups};
 use super::problem::{BATCH, Columns};
-use super::sweep::{Finish, Sweep, sweep_left, sweep_right};
+use super::store::{Kept, Precision, Store, substitute, triangle};
+use super::sweep::{Reduced, Sweep, finish, sweep_left, sweep_right};
 use super::threads::both;
 use super::{LeastSquares, Step};
 use crate::simd::{LANES, Quad, Simd, Work, vectorised};
@@ -60,11 +61,10 @@ impl From<Singular> for SolveError {
 pub struct Factor {
     columns: Columns,
     /// U and `[Y | Z y]` of every stage.
-    kept: Vec<f64>,
+    kept: Store,
     /// The stage where the two sweeps meet.
     middle: usize,
-    /// The upper groups of the Schur complement with its gradient, and Σ r² − Σ y².
-    border: Vec<Quad>,
+    border: Reduced,
     linearise: Duration,
 }
 
@@ -81,34 +81,40 @@ pub struct StageFactor {
     pub z: Vec<f64>,
     /// n.
     pub right: Vec<f64>,
+    /// Room for a row of z with its padding.
+    border_row: Vec<f64>,
 }
 
 impl Columns {
-    /// Columns of `[Y | Z y]` that are kept.
-    pub(super) fn kept_columns(&self) -> usize {
-        self.padded_stage + self.shape.border + 1
-    }
-
-    /// Doubles that are kept of a stage.
+    /// Groups that are kept of a stage.
     pub(super) fn kept(&self) -> usize {
-        triangle(self.padded_stage) + self.padded_stage * self.kept_columns()
+        let n = self.padded_stage;
+        triangle(n) + n * (self.stage_groups + self.border_groups) + self.stage_groups
     }
 }
 
 impl Factor {
-    /// Room for the factor of `problem`; [`factorise`](Self::factorise) fills it, as often as wanted.
+    /// Room for the factor of `problem` in double precision; [`factorise`](Self::factorise) fills it, as often as wanted.
     ///
     /// # Errors
     /// [`SolveError::StageTooLarge`].
     pub fn new(problem: &impl LeastSquares) -> Result<Self, SolveError> {
+        Self::with_precision(problem, Precision::Double)
+    }
+
+    /// [`new`](Self::new) with steps of this precision. The Schur complement does not depend on it.
+    ///
+    /// # Errors
+    /// [`SolveError::StageTooLarge`].
+    pub fn with_precision(problem: &impl LeastSquares, precision: Precision) -> Result<Self, SolveError> {
         let columns = Columns::of(problem.shape())?;
         let stages = columns.shape.stages;
         Ok(Factor {
             columns,
-            kept: vec![0.0; columns.kept() * stages],
+            kept: Store::new(precision, columns.kept() * stages),
             // Sweeps go by whole batches.
             middle: stages / (2 * BATCH) * BATCH,
-            border: Vec::new(),
+            border: Reduced::default(),
             linearise: Duration::ZERO,
         })
     }
@@ -141,8 +147,8 @@ impl Factor {
     ) -> Result<(), Singular> {
         let (columns, middle) = (self.columns, self.middle);
         let size = columns.kept();
-        let (left_kept, rest) = self.kept.split_at_mut(middle * size);
-        let (middle_kept, right_kept) = rest.split_at_mut(size);
+        let (left_kept, rest) = self.kept.all().split_at(middle * size);
+        let (middle_kept, right_kept) = rest.split_at(size);
         let left = || sweep_right(problem, point, columns, damping, left_kept);
         let right = || sweep_left(problem, point, columns, damping, middle, right_kept);
         let (left, right) = both(threads, left, right);
@@ -150,8 +156,7 @@ impl Factor {
         self.linearise = left.linearise.max(sweep.linearise);
         sweep.take_over(&left);
         problem.border_rows(point, sweep.stage_for_border());
-        vectorised(Finish { sweep: &mut sweep, kept: middle_kept })
-            .map_err(|pivot| Singular { stage: middle, pivot })?;
+        finish(&mut sweep, middle_kept).map_err(|pivot| Singular { stage: middle, pivot })?;
         self.border = sweep.border;
         Ok(())
     }
@@ -172,61 +177,73 @@ impl Factor {
 
     /// Writes out the factor of stage k.
     pub fn stage(&self, k: usize, to: &mut StageFactor) {
-        let (n, m, padded) = (self.columns.shape.stage, self.columns.shape.border, self.columns.padded_stage);
-        let kept = &self.kept[k * self.columns.kept()..(k + 1) * self.columns.kept()];
-        let (u, rest) = kept.split_at(triangle(padded));
+        let Columns { shape, padded_stage: padded, stage_groups: own, border_groups, .. } = self.columns;
+        let (n, m) = (shape.stage, shape.border);
         for (dense, size) in [(&mut to.u, n * n), (&mut to.y, n * n), (&mut to.z, n * m), (&mut to.right, n)] {
             dense.clear();
             dense.resize(size, 0.0);
         }
-        let mut first = 0;
-        for (i, rest) in rest.chunks_exact(self.columns.kept_columns()).enumerate().take(n) {
+        let mut at = k * self.columns.kept();
+        let mut row = [0.0; MAX_STAGE_SIZE];
+        for i in 0..padded {
             // Rows begin with their diagonal block.
             let from = i / LANES * LANES;
-            let row = &u[first..first + padded - from];
-            first += row.len();
-            to.u[i * n + i..(i + 1) * n].copy_from_slice(&row[i - from..n - from]);
-            to.u[i * n + i] = 1.0 / row[i - from];
-            let (y, z) = rest.split_at(padded);
-            to.y[i * n..(i + 1) * n].copy_from_slice(&y[..n]);
-            for (j, to) in to.z[i * m..(i + 1) * m].iter_mut().enumerate() {
-                *to = z[self.columns.shared(j)];
+            self.kept.copy(at, &mut row[..padded - from]);
+            at += (padded - from) / LANES;
+            if i < n {
+                to.u[i * n + i..(i + 1) * n].copy_from_slice(&row[i - from..n - from]);
+                to.u[i * n + i] = 1.0 / row[i - from];
             }
-            to.right[i] = z[self.columns.right()];
         }
-    }
-
-    /// Entry (i, j) of the reduced border system, columns as [`Columns`] gives them.
-    fn reduced(&self, i: usize, j: usize) -> f64 {
-        let (i, j) = (i.min(j), i.max(j));
-        self.border[j / LANES * self.columns.border_groups * LANES + i].0[j % LANES]
+        to.border_row.resize(border_groups * LANES, 0.0);
+        for i in 0..padded {
+            self.kept.copy(at, &mut row[..padded]);
+            self.kept.copy(at + own, &mut to.border_row);
+            at += own + border_groups;
+            if i < n {
+                to.y[i * n..(i + 1) * n].copy_from_slice(&row[..n]);
+                to.z[i * m..(i + 1) * m].copy_from_slice(&to.border_row[..m]);
+            }
+        }
+        self.kept.copy(at, &mut row[..padded]);
+        to.right.copy_from_slice(&row[..n]);
     }
 
     /// The reduced system of the border, `(S, g)` row-major m × m and m: the step solves `S δ = −g`. S is the information matrix of
     /// the shared unknowns with all states eliminated.
     pub fn schur(&self) -> (Vec<f64>, Vec<f64>) {
         let m = self.columns.shape.border;
-        let column = |j: usize| self.columns.shared(j);
-        let schur = (0..m * m).map(|at| self.reduced(column(at / m), column(at % m))).collect();
-        (schur, (0..m).map(|i| self.reduced(column(i), self.columns.right())).collect())
+        let entry = |i: usize, j: usize| {
+            let (i, j) = (i.min(j), i.max(j));
+            self.border.values[j / LANES * self.columns.border_groups * LANES + i].0[j % LANES]
+        };
+        let schur = (0..m * m).map(|at| entry(at / m, at % m)).collect();
+        (schur, self.border.gradient[..m].to_vec())
     }
 
     /// Σ r² that would be left if the states alone took their Gauss–Newton step.
     pub fn eliminated_square_sum(&self) -> f64 {
-        self.reduced(self.columns.right(), self.columns.right())
+        self.border.squares
     }
 
     /// Makes `step` the step of all states that goes with the step `border` of the shared unknowns.
     pub fn back_substitute(&self, border: &[f64], threads: usize, step: &mut Step) {
-        let (columns, size, n) = (self.columns, self.columns.kept(), self.columns.shape.stage);
         step.border.clear();
         step.border.extend_from_slice(border);
-        step.states.resize(self.columns.shape.stages * n, 0.0);
-        let (left_states, rest) = step.states.split_at_mut(self.middle * n);
+        step.states.resize(self.columns.shape.stages * self.columns.shape.stage, 0.0);
+        match &self.kept {
+            Store::Double(kept) => self.states_of(kept, border, threads, &mut step.states),
+            Store::Single(kept) => self.states_of(kept, border, threads, &mut step.states),
+        }
+    }
+
+    fn states_of<T: Kept>(&self, kept: &[[T; LANES]], border: &[f64], threads: usize, states: &mut [f64]) {
+        let (columns, size, n) = (self.columns, self.columns.kept(), self.columns.shape.stage);
+        let (left_states, rest) = states.split_at_mut(self.middle * n);
         let (middle_states, right_states) = rest.split_at_mut(n);
-        let (left_kept, rest) = self.kept.split_at(self.middle * size);
+        let (left_kept, rest) = kept.split_at(self.middle * size);
         let (middle_kept, right_kept) = rest.split_at(size);
-        let mut x = Substitution::new(columns, border);
+        let mut x = Known::new(columns, border);
         vectorised(BackSubstitute { x: &mut x, kept: middle_kept, states: middle_states, backwards: false });
         let mut right_x = x.clone();
         let left = || vectorised(BackSubstitute { x: &mut x, kept: left_kept, states: left_states, backwards: true });
@@ -236,89 +253,48 @@ impl Factor {
     }
 }
 
-/// What a stage's step is made of: `[x of the neighbour | shared unknowns, 1]`, in the columns that are kept.
+/// What a stage's step is made of.
 #[derive(Debug, Clone)]
-struct Substitution {
+struct Known {
     columns: Columns,
-    known: Vec<f64>,
+    /// `[x of the neighbour | shared unknowns]`.
+    quads: Vec<Quad>,
     own: Vec<Quad>,
 }
 
-impl Substitution {
+impl Known {
     fn new(columns: Columns, border: &[f64]) -> Self {
-        let mut known = vec![0.0; columns.kept_columns()];
-        known[columns.padded_stage + columns.right()] = 1.0;
+        let mut quads = vec![Quad::default(); columns.stage_groups + groups(border.len())];
         for (j, value) in border.iter().enumerate() {
-            known[columns.padded_stage + columns.shared(j)] = *value;
+            quads[columns.stage_groups + j / LANES].0[j % LANES] = *value;
         }
-        Substitution { columns, known, own: vec![Quad::default(); columns.stage_groups] }
+        Known { columns, quads, own: vec![Quad::default(); columns.stage_groups] }
     }
 }
 
 /// The steps of consecutive stages, from the first one to the last or from the last one to the first.
-struct BackSubstitute<'a> {
-    x: &'a mut Substitution,
-    kept: &'a [f64],
+struct BackSubstitute<'a, T> {
+    x: &'a mut Known,
+    kept: &'a [[T; LANES]],
     states: &'a mut [f64],
     backwards: bool,
 }
 
-impl Work for BackSubstitute<'_> {
+impl<T: Kept> Work for BackSubstitute<'_, T> {
     type Output = ();
 
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
-        let columns = self.x.columns;
+        let Known { columns, quads, own } = self.x;
         let (size, n) = (columns.kept(), columns.shape.stage);
         let count = self.states.len() / n;
         for i in 0..count {
             let k = if self.backwards { count - 1 - i } else { i };
-            self.x.stage(simd, &self.kept[k * size..(k + 1) * size]);
-            let own = &mut self.states[k * n..(k + 1) * n];
-            own.copy_from_slice(&self.x.known[..n]);
-        }
-    }
-}
-
-impl Substitution {
-    /// x = −U⁻¹ ([Y | Z y] [x' | p, 1]), which then takes the place of x'.
-    #[inline(always)]
-    fn stage<S: Simd>(&mut self, simd: S, kept: &[f64]) {
-        let (n, width) = (self.columns.padded_stage, self.columns.kept_columns());
-        let (u, rest) = kept.split_at(triangle(n));
-        let whole = width / LANES * LANES;
-        for (rows, own) in rest.chunks_exact(LANES * width).zip(&mut self.own) {
-            let mut sums = [simd.splat(0.0); LANES];
-            // What does not wait for the neighbour comes first.
-            let mut at = n;
-            while at < whole {
-                let known = simd.load(kernel::quad(&self.known, at));
-                for (r, sum) in sums.iter_mut().enumerate() {
-                    *sum = simd.mul_add(simd.load(kernel::quad(rows, r * width + at)), known, *sum);
-                }
-                at += LANES;
+            substitute(simd, &self.kept[k * size..(k + 1) * size], quads, own);
+            quads[..own.len()].copy_from_slice(own);
+            for (to, own) in self.states[k * n..(k + 1) * n].chunks_mut(LANES).zip(own.iter()) {
+                to.copy_from_slice(&own.0[..to.len()]);
             }
-            let mut at = 0;
-            while at < n {
-                let known = simd.load(kernel::quad(&self.known, at));
-                for (r, sum) in sums.iter_mut().enumerate() {
-                    *sum = simd.mul_add(simd.load(kernel::quad(rows, r * width + at)), known, *sum);
-                }
-                at += LANES;
-            }
-            let mut right = kernel::add_across(simd, sums);
-            for (r, right) in right.iter_mut().enumerate() {
-                for at in whole..width {
-                    *right += rows[r * width + at] * self.known[at];
-                }
-                *right = -*right;
-            }
-            *own = Quad(right);
-        }
-        kernel::backward(simd, u, &mut self.own);
-        debug_assert!(n <= MAX_STAGE_SIZE);
-        for (known, own) in self.known.chunks_exact_mut(LANES).zip(&self.own) {
-            known.copy_from_slice(&own.0);
         }
     }
 }

@@ -11,7 +11,7 @@
 use crate::simd::{LANES, Quad, Simd};
 
 /// Block sizes that are compiled; a stage of n unknowns runs in the next larger one.
-pub const STAGE_SIZES: [usize; 9] = [4, 8, 12, 16, 20, 24, 28, 32, 36];
+pub const STAGE_SIZES: [usize; 5] = [4, 12, 16, 24, 36];
 
 /// The largest stage that can be solved.
 pub const MAX_STAGE_SIZE: usize = STAGE_SIZES[STAGE_SIZES.len() - 1];
@@ -122,6 +122,51 @@ pub fn strip<S: Simd, const SUBTRACT: bool>(
     }
 }
 
+/// [`strip`] of whole groups of N rows: `sums[4·block + r][group + g] ± = Σ_k left[k]_r right[g][k]`.
+#[inline(always)]
+pub fn products<S: Simd, const N: usize, const SUBTRACT: bool>(
+    simd: S,
+    left: &[Quad; N],
+    right: &[[Quad; N]],
+    sums: &mut Sums<'_>,
+    (block, group): (usize, usize),
+) {
+    let mut at = group * sums.rows + block * LANES;
+    let (pairs, last) = right.as_chunks::<2>();
+    for [b, c] in pairs {
+        let (first, second) = tile(simd, left, b, c);
+        add_to::<S, SUBTRACT>(simd, &mut sums.values[at..], first);
+        add_to::<S, SUBTRACT>(simd, &mut sums.values[at + sums.rows..], second);
+        at += 2 * sums.rows;
+    }
+    for b in last {
+        let sum = narrow_tile(simd, left, b);
+        add_to::<S, SUBTRACT>(simd, &mut sums.values[at..], sum);
+    }
+}
+
+/// `Σ_k group[k] by[k]`.
+#[inline(always)]
+pub fn weighted<S: Simd>(simd: S, group: &[Quad], by: &[f64]) -> S::Vector {
+    let (mut even, mut odd) = (simd.splat(0.0), simd.splat(0.0));
+    let ((pairs, last), (by_pairs, by_last)) = (group.as_chunks::<2>(), by.as_chunks::<2>());
+    for ([a, b], [x, y]) in pairs.iter().zip(by_pairs) {
+        even = simd.mul_add(simd.load(&a.0), simd.splat(*x), even);
+        odd = simd.mul_add(simd.load(&b.0), simd.splat(*y), odd);
+    }
+    for (a, x) in last.iter().zip(by_last) {
+        even = simd.mul_add(simd.load(&a.0), simd.splat(*x), even);
+    }
+    simd.add(even, odd)
+}
+
+/// `to ± = Σ_k group[k] by[k]`.
+#[inline(always)]
+pub fn add_weighted<S: Simd, const SUBTRACT: bool>(simd: S, group: &[Quad], by: &[f64], to: &mut [f64; LANES]) {
+    let (before, sum) = (simd.load(to), weighted(simd, group, by));
+    *to = simd.store(if SUBTRACT { simd.sub(before, sum) } else { simd.add(before, sum) });
+}
+
 /// The pivot of a factorisation that was not positive: its index and value.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pivot {
@@ -164,12 +209,11 @@ impl Diagonal {
     }
 }
 
-/// Factors the leading `N × N` block of `front` (N rows, by groups) as `Uᵀ U` and solves with it the columns behind: `front` becomes
-/// `[U | U⁻ᵀ rest]`, with the reciprocals of U's diagonal on the diagonal and what is below the diagonal blocks untouched.
+/// Factors the leading `N × N` block of `front` (by groups of N rows) as `Uᵀ U` and solves with it the columns behind and the vector
+/// `right`: `front` becomes `[U | U⁻ᵀ rest]`, with the reciprocals of U's diagonal on the diagonal and what is below the diagonal blocks
+/// untouched.
 #[inline(always)]
-pub fn factor_front<S: Simd, const N: usize>(simd: S, front: &mut [Quad]) -> Result<(), Pivot> {
-    // Groups are whole: an array each, so that no index in the loops below needs a check.
-    let front = front.as_chunks_mut::<N>().0;
+pub fn factor<S: Simd, const N: usize>(simd: S, front: &mut [[Quad; N]], right: &mut [f64; N]) -> Result<(), Pivot> {
     for block in 0..N / LANES {
         let first = block * LANES;
         // The four rows lose what the rows above say of them.
@@ -212,79 +256,19 @@ pub fn factor_front<S: Simd, const N: usize>(simd: S, front: &mut [Quad]) -> Res
             rows[2].0 = simd.store(simd.mul(x2, s2));
             rows[3].0 = simd.store(simd.mul(x3, s3));
         }
+        let (known, right) = right.split_at_mut(first);
+        let [r0, r1, r2, r3, ..] = right else { unreachable!("a block has four rows") };
+        let loss = simd.store(weighted(simd, &front[block][..first], known));
+        let x0 = *r0 - loss[0];
+        let x1 = *r1 - loss[1] - d.below[0][1] * x0;
+        let x2 = *r2 - loss[2] - d.below[0][2] * x0 - d.below[1][2] * x1;
+        let x3 = *r3 - loss[3] - d.below[0][3] * x0 - d.below[1][3] * x1 - d.below[2][3] * x2;
+        (*r0, *r1, *r2, *r3) = (x0 * d.scale[0], x1 * d.scale[1], x2 * d.scale[2], x3 * d.scale[3]);
         for (i, scale) in d.scale.into_iter().enumerate() {
             front[block][first + i].0[i] = scale;
         }
     }
     Ok(())
-}
-
-/// [`factor_front`] in the compiled size n (one of [`STAGE_SIZES`]).
-#[inline(always)]
-pub fn factor<S: Simd>(simd: S, n: usize, front: &mut [Quad]) -> Result<(), Pivot> {
-    macro_rules! dispatch {
-        ($($size:literal)*) => {
-            match n {
-                $($size => factor_front::<S, $size>(simd, front),)*
-                other => unreachable!("stage size {other} is not among STAGE_SIZES"),
-            }
-        };
-    }
-    dispatch!(4 8 12 16 20 24 28 32 36)
-}
-
-/// Doubles that [`keep_triangle`] needs for n (a multiple of four) unknowns.
-pub const fn triangle(n: usize) -> usize {
-    n * (n + LANES) / 2
-}
-
-/// Copies U out of a factored front: of every row the groups from its diagonal block on.
-#[inline(always)]
-pub fn keep_triangle(front: &[Quad], n: usize, kept: &mut [f64]) {
-    let mut kept = kept.as_chunks_mut::<LANES>().0.iter_mut();
-    for i in 0..n {
-        for (g, kept) in (i / LANES..n / LANES).zip(&mut kept) {
-            *kept = front[g * n + i].0;
-        }
-    }
-}
-
-/// Solves `U x = x` in place, with U as [`keep_triangle`] keeps it.
-#[inline(always)]
-pub fn backward<S: Simd>(simd: S, kept: &[f64], x: &mut [Quad]) {
-    let blocks = x.len();
-    let mut end = kept.len();
-    for block in (0..blocks).rev() {
-        let width = (blocks - block) * LANES;
-        let rows = &kept[end - LANES * width..end];
-        end -= LANES * width;
-        let (x, known) = x.split_at_mut(block + 1);
-        let mut sums = [simd.splat(0.0); LANES];
-        for (g, known) in known.iter().enumerate() {
-            for (r, sum) in sums.iter_mut().enumerate() {
-                *sum = simd.mul_add(simd.load(quad(rows, r * width + (g + 1) * LANES)), simd.load(&known.0), *sum);
-            }
-        }
-        let loss = add_across(simd, sums);
-        let x = &mut x[block].0;
-        for i in (0..LANES).rev() {
-            let row = &rows[i * width..][..LANES];
-            let mut sum = x[i] - loss[i];
-            for k in i + 1..LANES {
-                sum -= row[k] * x[k];
-            }
-            x[i] = sum * row[i];
-        }
-    }
-}
-
-/// The four values from `at` on.
-#[inline(always)]
-pub fn quad(values: &[f64], at: usize) -> &[f64; LANES] {
-    match values[at..].first_chunk() {
-        Some(quad) => quad,
-        None => panic!("a group of four ends behind the matrix"),
-    }
 }
 
 /// The sum of every vector.
@@ -296,16 +280,4 @@ pub fn add_across<S: Simd>(simd: S, v: [S::Vector; LANES]) -> [f64; LANES] {
         *sum = (a + b) + (c + d);
     }
     sums
-}
-
-/// The transpose of a 4×4 block.
-#[inline(always)]
-pub fn transposed(v: [[f64; LANES]; LANES]) -> [[f64; LANES]; LANES] {
-    let mut out = [[0.0; LANES]; LANES];
-    for i in 0..LANES {
-        for j in 0..LANES {
-            out[j][i] = v[i][j];
-        }
-    }
-    out
 }

@@ -20,9 +20,11 @@ pub mod inverse;
 pub mod kernel;
 pub mod levenberg;
 mod problem;
+mod store;
 mod sweep;
 #[cfg(test)]
 mod tests;
 mod threads;
 
 pub use problem::{BATCH, LeastSquares, Row, RowAt, Shape, Stage, Step};
+pub use store::Precision;

@@ -1,17 +1,18 @@
 //! What a problem hands to the solver: whitened residual rows, transitions and a retraction.
 //!
 //! ```text
-//! columns of a row   | ∂r/∂x, n | ∂r/∂p of the leading shared unknowns | r | ∂r/∂p of the others |
-//! transition rows     ──────────────────────────────────────────────────
-//! sensor rows         ─────                                             ─────────────────────────    (x: the first few components)
-//! other rows          ───────────────────────────────────────────────────────────────────────────
+//! columns of a row   | ∂r/∂x, n | ∂r/∂p of the leading shared unknowns | ∂r/∂p of the others |   r
+//! transition rows     ──────────────────────────────────────────────                             ───
+//! sensor rows         ─────                                             ─────────────────────    ───  (x: the first few components)
+//! other rows          ───────────────────────────────────────────────────────────────────────    ───
 //! ```
-//! The leading shared unknowns are those that transitions depend on. The solver multiplies the underlined parts only.
+//! The leading shared unknowns are those that transitions depend on. The solver multiplies the underlined parts only. The residuals stand
+//! apart: as one more column they would cost a whole group of four.
 
 use std::ops::Range;
 
 use super::factor::SolveError;
-use super::kernel::{STAGE_SIZES, groups, transposed};
+use super::kernel::{STAGE_SIZES, groups};
 use crate::simd::{LANES, Quad, Simd};
 
 /// Stages that are linearised together.
@@ -39,9 +40,9 @@ pub(super) struct Columns {
     /// The compiled size a stage runs in, and its groups.
     pub padded_stage: usize,
     pub stage_groups: usize,
-    /// Groups of the shared unknowns and the right-hand side.
+    /// Groups of the shared unknowns.
     pub border_groups: usize,
-    /// Groups of them that transitions touch, the right-hand side included.
+    /// Groups of them that transitions touch.
     pub leading_groups: usize,
     /// The first of them that sensor rows touch.
     pub sensor_group: usize,
@@ -58,22 +59,16 @@ impl Columns {
             shape,
             padded_stage,
             stage_groups: groups(padded_stage),
-            border_groups: groups(shape.border + 1),
-            leading_groups: groups(shape.leading + 1),
+            border_groups: groups(shape.border),
+            leading_groups: groups(shape.leading),
             sensor_group: shape.leading / LANES,
             sensed_groups: groups(shape.sensed),
         })
     }
 
-    /// The column of shared unknown j, among those of the border.
-    pub(super) fn shared(&self, j: usize) -> usize {
-        if j < self.shape.leading { j } else { j + 1 }
-    }
-
-    /// The column of the right-hand side, among those of the border.
-    #[inline(always)]
-    pub(super) fn right(&self) -> usize {
-        self.shape.leading
+    /// Groups of the shared unknowns with the right-hand side as the column behind them.
+    pub(super) fn groups_with_right(&self) -> usize {
+        groups(self.shape.border + 1)
     }
 
     /// Groups of a front: the stage, the one it is eliminated into, the border.
@@ -87,6 +82,7 @@ impl Columns {
 #[derive(Debug, Clone)]
 pub(super) struct Panel {
     pub values: Vec<Quad>,
+    pub residuals: Vec<f64>,
     pub rows: usize,
     /// Rows that each group has room for.
     pub capacity: usize,
@@ -98,7 +94,7 @@ pub(super) struct Panel {
 impl Panel {
     fn new(stage_groups: usize, border: Range<usize>, capacity: usize) -> Self {
         let values = vec![Quad::default(); (stage_groups + border.len()) * capacity];
-        Panel { values, rows: 0, capacity, stage_groups, border }
+        Panel { values, residuals: vec![0.0; capacity], rows: 0, capacity, stage_groups, border }
     }
 
     #[inline(always)]
@@ -113,6 +109,7 @@ impl Panel {
             for (to, from) in larger.values.chunks_mut(larger.capacity).zip(self.values.chunks(self.capacity)) {
                 to[..self.rows].copy_from_slice(from);
             }
+            larger.residuals[..self.rows].copy_from_slice(&self.residuals);
             larger.rows = self.rows;
             *self = larger;
         }
@@ -121,20 +118,19 @@ impl Panel {
     }
 
     /// Row `at`, cleared, with its residual.
-    fn row(&mut self, at: usize, columns: &Columns, residual: f64) -> Row<'_> {
+    #[inline(always)]
+    fn row(&mut self, at: usize, residual: f64) -> Row<'_> {
         for group in 0..self.groups() {
             self.values[group * self.capacity + at] = Quad::default();
         }
-        let mut row = Row {
+        self.residuals[at] = residual;
+        Row {
             border: self.stage_groups * LANES,
             first_shared: self.border.start * LANES,
-            leading: columns.shape.leading,
             capacity: self.capacity,
             at,
             values: &mut self.values,
-        };
-        *row.at(row.border + columns.right() - row.first_shared) = residual;
-        row
+        }
     }
 }
 
@@ -148,7 +144,6 @@ pub struct Row<'a> {
     /// Where the border's columns begin, and which of them is the first here.
     border: usize,
     first_shared: usize,
-    leading: usize,
 }
 
 impl Row<'_> {
@@ -166,8 +161,7 @@ impl Row<'_> {
     /// Adds to ∂r/∂p of shared unknown j.
     #[inline(always)]
     pub fn add_shared(&mut self, j: usize, slope: f64) {
-        let column = if j < self.leading { j } else { j + 1 };
-        *self.at(self.border + column - self.first_shared) += slope;
+        *self.at(self.border + j - self.first_shared) += slope;
     }
 }
 
@@ -211,7 +205,7 @@ pub struct Stage {
     pub(super) units: Vec<UnitRow>,
     pub(super) sensors: Panel,
     pub(super) others: Panel,
-    /// Whitened: `w [∂φ/∂x | ∂φ/∂p | φ − x[k+1]]`.
+    /// Whitened: `w [∂φ/∂x | ∂φ/∂p]`, and w (φ − x[k+1]).
     pub(super) transition: Panel,
     /// w = 1/σ of each row of the transition.
     pub(super) weight: Vec<Quad>,
@@ -244,13 +238,13 @@ impl Stage {
     /// Adds a row that touches anything; its gradient is zero until it is filled.
     pub fn row(&mut self, residual: f64) -> Row<'_> {
         let at = self.others.add();
-        self.others.row(at, &self.columns, residual)
+        self.others.row(at, residual)
     }
 
     /// Adds a row that touches only the leading [`Shape::sensed`] components of the state, and no leading shared unknowns.
     pub fn sensor_row(&mut self, residual: f64) -> Row<'_> {
         let at = self.sensors.add();
-        self.sensors.row(at, &self.columns, residual)
+        self.sensors.row(at, residual)
     }
 
     /// Adds the row `residual + slope · δx[component]`.
@@ -263,21 +257,16 @@ impl Stage {
     pub fn transition_row(&mut self, i: usize, weight: f64, residual: f64) -> Row<'_> {
         self.linked = true;
         self.weight[i / LANES].0[i % LANES] = weight;
-        self.transition.row(i, &self.columns, residual)
+        self.transition.row(i, residual)
     }
 
     /// The rows that the stage has, each with its whitened residual: by kind, in the order in which they were added.
     pub fn residuals(&self) -> impl Iterator<Item = (RowAt, f64)> + '_ {
-        let right = self.columns.right();
-        let panel = move |panel: &Panel, at: usize| {
-            let group = panel.stage_groups + right / LANES - panel.border.start;
-            panel.values[group * panel.capacity + at].0[right % LANES]
-        };
         let transitions = if self.linked { self.columns.shape.stage } else { 0 };
         let units = self.units.iter().enumerate().map(|(i, unit)| (RowAt::Unit(i), unit.residual));
-        let sensors = (0..self.sensors.rows).map(move |i| (RowAt::Sensor(i), panel(&self.sensors, i)));
-        let others = (0..self.others.rows).map(move |i| (RowAt::Other(i), panel(&self.others, i)));
-        let transitions = (0..transitions).map(move |i| (RowAt::Transition(i), panel(&self.transition, i)));
+        let sensors = (0..self.sensors.rows).map(move |i| (RowAt::Sensor(i), self.sensors.residuals[i]));
+        let others = (0..self.others.rows).map(move |i| (RowAt::Other(i), self.others.residuals[i]));
+        let transitions = (0..transitions).map(move |i| (RowAt::Transition(i), self.transition.residuals[i]));
         units.chain(sensors).chain(others).chain(transitions)
     }
 
@@ -313,29 +302,23 @@ impl Stage {
             }
         }
         for i in 0..n {
-            let row = &slopes[i * (n + leading)..(i + 1) * (n + leading)];
+            let (by_state, by_shared) = slopes[i * (n + leading)..(i + 1) * (n + leading)].split_at(n);
             let w = simd.splat(weight[i]);
-            for group in 0..columns.stage_groups + columns.leading_groups {
+            let groups = by_state.chunks(LANES).chain(by_shared.chunks(LANES));
+            for (group, columns_of_four) in groups.enumerate() {
                 // The columns of this group, each four stages wide.
-                let mut block = [[0.0; LANES]; LANES];
-                for (c, lanes) in block.iter_mut().enumerate() {
-                    let source = if group < columns.stage_groups {
-                        let column = group * LANES + c;
-                        if column < n { &row[column] } else { continue }
-                    } else {
-                        let column = (group - columns.stage_groups) * LANES + c;
-                        match column.cmp(&leading) {
-                            std::cmp::Ordering::Less => &row[n + column],
-                            std::cmp::Ordering::Equal => &defect[i],
-                            std::cmp::Ordering::Greater => continue,
-                        }
-                    };
-                    *lanes = simd.store(simd.mul(simd.load(&source.0), w));
+                let mut block = [simd.splat(0.0); LANES];
+                for (to, from) in block.iter_mut().zip(columns_of_four) {
+                    *to = simd.mul(simd.load(&from.0), w);
                 }
-                let block = transposed(block);
+                let block = simd.transpose(block);
                 for (stage, quad) in batch.iter_mut().zip(block) {
-                    stage.transition.values[group * columns.padded_stage + i] = Quad(quad);
+                    stage.transition.values[group * columns.padded_stage + i] = Quad(simd.store(quad));
                 }
+            }
+            let residuals = simd.store(simd.mul(simd.load(&defect[i].0), w));
+            for (stage, residual) in batch.iter_mut().zip(residuals) {
+                stage.transition.residuals[i] = residual;
             }
         }
     }
@@ -377,8 +360,8 @@ impl Stage {
             };
             let state = |i: usize| if i < panel.stage_groups * LANES { value(i) } else { 0.0 };
             let mut row: Vec<f64> = (0..n).map(state).collect();
-            row.extend((0..m).map(|j| border(self.columns.shared(j))));
-            row.push(border(self.columns.right()));
+            row.extend((0..m).map(border));
+            row.push(panel.residuals[at]);
             row
         };
         (0..panel.rows).map(dense).collect()

@@ -6,21 +6,39 @@ use super::LeastSquares;
 use super::factor::Singular;
 use super::kernel::{self, Pivot, Rows, Sums};
 use super::problem::{BATCH, Columns, Panel, Stage};
+use super::store::StoreMut;
 use crate::simd::{LANES, Quad, Simd, Work, vectorised};
+
+/// Sums over rows: a stage's block `[D | E | B]` with its gradient, or the border's with Σ r².
+#[derive(Debug, Clone)]
+struct Block {
+    /// `[D | E | B]` by groups of the stage's padded size.
+    values: Vec<Quad>,
+    right: Vec<f64>,
+    /// The diagonal of D before anything was taken off it: what damping multiplies. Kept only where there is damping.
+    diagonal: Vec<f64>,
+}
+
+/// The reduced system of the border.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Reduced {
+    /// Its upper groups.
+    pub values: Vec<Quad>,
+    pub gradient: Vec<f64>,
+    /// Σ r² − Σ y².
+    pub squares: f64,
+}
 
 /// The block of the stage that comes next, and everything its elimination needs.
 pub(super) struct Sweep {
     columns: Columns,
-    /// `[D | E | B g]` of the stage at the front: what has been eliminated into it, its coupling, its share of the border.
-    front: Vec<Quad>,
-    /// The same of the stage that it is eliminated into.
-    next: Vec<Quad>,
-    /// Diagonals of the two D before anything was taken off them: what damping multiplies. Kept only where there is damping.
-    diagonal: Vec<f64>,
-    next_diagonal: Vec<f64>,
+    /// The stage at the front: what has been eliminated into it, its coupling, its share of the border.
+    front: Block,
+    /// The stage that it is eliminated into.
+    next: Block,
     damping: f64,
     /// This sweep's share of the border.
-    pub(super) border: Vec<Quad>,
+    pub(super) border: Reduced,
     batch: Vec<Stage>,
     /// Time spent in the problem's own code.
     pub(super) linearise: Duration,
@@ -35,15 +53,20 @@ enum Front {
 
 impl Sweep {
     fn new(columns: Columns, damping: f64) -> Self {
-        let size = columns.padded_stage * columns.front();
+        let n = columns.padded_stage;
+        let block =
+            Block { values: vec![Quad::default(); n * columns.front()], right: vec![0.0; n], diagonal: vec![0.0; n] };
+        let width = columns.border_groups * LANES;
         Sweep {
             columns,
-            front: vec![Quad::default(); size],
-            next: vec![Quad::default(); size],
-            diagonal: vec![0.0; columns.padded_stage],
-            next_diagonal: vec![0.0; columns.padded_stage],
+            front: block.clone(),
+            next: block,
             damping,
-            border: vec![Quad::default(); columns.border_groups * LANES * columns.border_groups],
+            border: Reduced {
+                values: vec![Quad::default(); width * columns.border_groups],
+                gradient: vec![0.0; width],
+                squares: 0.0,
+            },
             batch: vec![Stage::new(columns); BATCH],
             linearise: Duration::ZERO,
         }
@@ -65,18 +88,19 @@ impl Sweep {
 
     /// Joins the front of the other sweep, at the stage where the two meet.
     pub(super) fn take_over(&mut self, other: &Sweep) {
-        let add = |a: &mut [Quad], b: &[Quad]| {
-            for (a, b) in a.iter_mut().zip(b) {
-                for (a, b) in a.0.iter_mut().zip(b.0) {
-                    *a += b;
-                }
+        let blocks = self.front.values.iter_mut().zip(&other.front.values);
+        for (a, b) in blocks.chain(self.border.values.iter_mut().zip(&other.border.values)) {
+            for (a, b) in a.0.iter_mut().zip(b.0) {
+                *a += b;
             }
-        };
-        add(&mut self.front, &other.front);
-        add(&mut self.border, &other.border);
-        for (a, b) in self.diagonal.iter_mut().zip(&other.diagonal) {
+        }
+        let vectors = self.front.right.iter_mut().zip(&other.front.right);
+        let diagonals = self.front.diagonal.iter_mut().zip(&other.front.diagonal);
+        let gradients = self.border.gradient.iter_mut().zip(&other.border.gradient);
+        for (a, b) in vectors.chain(diagonals).chain(gradients) {
             *a += b;
         }
+        self.border.squares += other.border.squares;
     }
 
     /// An empty stage for the border's own rows.
@@ -85,25 +109,38 @@ impl Sweep {
         &mut self.batch[0]
     }
 
-    /// Adds `Σ rowᵀ row` of a panel to a block `[D | E | B g]` and to the border.
+    /// Adds `Σ rowᵀ row` of a panel to a block and to the border.
     #[inline(always)]
-    fn add_panel<S: Simd>(columns: &Columns, simd: S, panel: &Panel, block: &mut [Quad], border: &mut [Quad]) {
+    fn add_panel<S: Simd>(columns: &Columns, simd: S, panel: &Panel, block: &mut Block, border: &mut Reduced) {
         if panel.rows == 0 {
             return;
         }
         let rows = Rows { values: &panel.values, capacity: panel.capacity, count: panel.rows };
         let (states, groups) = (panel.stage_groups, panel.groups());
         let into_border = 2 * columns.stage_groups + panel.border.start;
-        let mut block = Sums { values: block, rows: columns.padded_stage };
+        let mut sums = Sums { values: &mut block.values, rows: columns.padded_stage };
         for i in 0..states {
-            kernel::strip::<S, false>(simd, rows, i, i..states, &mut block, (i, i));
-            kernel::strip::<S, false>(simd, rows, i, states..groups, &mut block, (i, into_border));
+            kernel::strip::<S, false>(simd, rows, i, i..states, &mut sums, (i, i));
+            kernel::strip::<S, false>(simd, rows, i, states..groups, &mut sums, (i, into_border));
         }
-        let mut border = Sums { values: border, rows: columns.border_groups * LANES };
+        let mut sums = Sums { values: &mut border.values, rows: columns.border_groups * LANES };
         for i in states..groups {
             let at = i - states + panel.border.start;
-            kernel::strip::<S, false>(simd, rows, i, i..groups, &mut border, (at, at));
+            kernel::strip::<S, false>(simd, rows, i, i..groups, &mut sums, (at, at));
         }
+        Self::add_residuals(simd, panel, block, border);
+    }
+
+    /// Adds `Σ rowᵀ r` of a panel.
+    #[inline(always)]
+    fn add_residuals<S: Simd>(simd: S, panel: &Panel, block: &mut Block, border: &mut Reduced) {
+        let residuals = &panel.residuals[..panel.rows];
+        let (right, gradient) = (block.right.as_chunks_mut().0, border.gradient.as_chunks_mut().0);
+        let to = right[..panel.stage_groups].iter_mut().chain(&mut gradient[panel.border.clone()]);
+        for (group, to) in panel.values.chunks_exact(panel.capacity).zip(to) {
+            kernel::add_weighted::<S, false>(simd, &group[..panel.rows], residuals, to);
+        }
+        border.squares += residuals.iter().map(|r| r * r).sum::<f64>();
     }
 
     /// Adds the squares of a panel's state columns to the diagonal that damping multiplies.
@@ -117,136 +154,131 @@ impl Sweep {
     /// Adds the rows of stage `slot` of the batch to the front.
     #[inline(always)]
     fn add_rows<S: Simd>(&mut self, simd: S, slot: usize) {
-        let Sweep { columns, front, border, batch, diagonal, .. } = self;
+        let Sweep { columns, front, border, batch, .. } = self;
         let stage = &batch[slot];
         let n = columns.padded_stage;
-        let (right, right_group) = (columns.right(), 2 * columns.stage_groups + columns.right() / LANES);
-        let border_rows = columns.border_groups * LANES;
         for unit in &stage.units {
             let (i, slope) = (unit.component, unit.slope);
-            front[i / LANES * n + i].0[i % LANES] += slope * slope;
-            front[right_group * n + i].0[right % LANES] += slope * unit.residual;
-            border[right / LANES * border_rows + right].0[right % LANES] += unit.residual * unit.residual;
+            front.values[i / LANES * n + i].0[i % LANES] += slope * slope;
+            front.right[i] += slope * unit.residual;
+            border.squares += unit.residual * unit.residual;
         }
         Self::add_panel(columns, simd, &stage.sensors, front, border);
         Self::add_panel(columns, simd, &stage.others, front, border);
         if self.damping > 0.0 {
             for unit in &stage.units {
-                diagonal[unit.component] += unit.slope * unit.slope;
+                front.diagonal[unit.component] += unit.slope * unit.slope;
             }
-            Self::add_diagonal(&stage.sensors, diagonal);
-            Self::add_diagonal(&stage.others, diagonal);
+            Self::add_diagonal(&stage.sensors, &mut front.diagonal);
+            Self::add_diagonal(&stage.others, &mut front.diagonal);
         }
     }
 
     /// Starts the next stage, and adds the transition of `slot` to it and to the stage at the front: the source sees wΦ, the successor −w.
     #[inline(always)]
-    fn add_transition<S: Simd>(&mut self, simd: S, slot: usize, at_front: Front) {
-        let Sweep { columns, front, next, border, batch, diagonal, next_diagonal, .. } = self;
+    fn add_transition<S: Simd, const N: usize>(&mut self, simd: S, slot: usize, at_front: Front) {
+        let Sweep { columns, front, next, border, batch, .. } = self;
         let stage = &batch[slot];
-        let n = columns.padded_stage;
-        next.fill(Quad::default());
-        next_diagonal.fill(0.0);
+        let own = columns.stage_groups;
+        next.values[..N * own].fill(Quad::default());
+        next.values[2 * N * own..].fill(Quad::default());
+        next.right.fill(0.0);
+        next.diagonal.fill(0.0);
         if !stage.linked {
-            front[n * columns.stage_groups..2 * n * columns.stage_groups].fill(Quad::default());
+            front.values[N * own..2 * N * own].fill(Quad::default());
             return;
         }
         let panel = &stage.transition;
-        match at_front {
-            Front::Source => {
-                Self::add_panel(columns, simd, panel, front, border);
-                Self::add_successor(columns, simd, stage, next);
-            }
-            Front::Successor => {
-                Self::add_panel(columns, simd, panel, next, border);
-                Self::add_successor(columns, simd, stage, front);
-            }
+        let (source, successor) = match at_front {
+            Front::Source => (&mut *front, &mut *next),
+            Front::Successor => (&mut *next, &mut *front),
+        };
+        let groups = panel.values.as_chunks::<N>().0;
+        let (states, shared) = groups.split_at(own);
+        let mut sums = Sums { values: &mut source.values, rows: N };
+        for (i, left) in states.iter().enumerate() {
+            kernel::products::<S, N, false>(simd, left, &states[i..], &mut sums, (i, i));
+            kernel::products::<S, N, false>(simd, left, shared, &mut sums, (i, 2 * own));
         }
-        // E = ∂/∂(front) ∂/∂(next) of ½ (wΦ x − w x')²
-        for i in 0..columns.stage_groups {
-            for j in 0..columns.stage_groups {
-                let mut block = [[0.0; LANES]; LANES];
-                for (r, row) in block.iter_mut().enumerate() {
-                    let source = simd.load(&panel.values[j * n + i * LANES + r].0);
-                    *row = simd.store(simd.mul(source, simd.splat(-stage.weight[i].0[r])));
-                }
-                let (block, i, j) = match at_front {
-                    Front::Successor => (block, i, j),
-                    Front::Source => (kernel::transposed(block), j, i),
-                };
-                for (r, row) in block.into_iter().enumerate() {
-                    front[(columns.stage_groups + j) * n + i * LANES + r] = Quad(row);
-                }
-            }
+        let mut sums = Sums { values: &mut border.values, rows: columns.border_groups * LANES };
+        for (i, left) in shared.iter().enumerate() {
+            kernel::products::<S, N, false>(simd, left, &shared[i..], &mut sums, (i, i));
         }
-        if self.damping > 0.0 {
-            let (source, successor) = match at_front {
-                Front::Source => (diagonal, next_diagonal),
-                Front::Successor => (next_diagonal, diagonal),
-            };
-            Self::add_diagonal(panel, source);
-            for i in 0..n {
-                successor[i] += stage.weight[i / LANES].0[i % LANES].powi(2);
-            }
-        }
-    }
-
-    /// What a transition adds to its successor: w² on the diagonal, −w times the whitened rest of its rows.
-    #[inline(always)]
-    fn add_successor<S: Simd>(columns: &Columns, simd: S, stage: &Stage, block: &mut [Quad]) {
-        let (n, own) = (columns.padded_stage, columns.stage_groups);
-        for i in 0..n {
+        Self::add_residuals(simd, panel, source, border);
+        // The successor: w² on the diagonal, −w times the whitened rest of its rows.
+        for i in 0..N {
             let w = stage.weight[i / LANES].0[i % LANES];
-            block[i / LANES * n + i].0[i % LANES] += w * w;
+            successor.values[i / LANES * N + i].0[i % LANES] += w * w;
+            successor.right[i] -= w * panel.residuals[i];
         }
-        for group in 0..columns.leading_groups {
-            let from = &stage.transition.values[(own + group) * n..][..n];
-            let to = &mut block[(2 * own + group) * n..][..n];
+        let blocks = successor.values[2 * own * N..].as_chunks_mut::<N>().0;
+        for (to, from) in blocks.iter_mut().zip(shared) {
             for (i, (to, from)) in to.iter_mut().zip(from).enumerate() {
                 let w = simd.splat(stage.weight[i / LANES].0[i % LANES]);
                 to.0 = simd.store(simd.mul_sub_from(w, simd.load(&from.0), simd.load(&to.0)));
+            }
+        }
+        if self.damping > 0.0 {
+            Self::add_diagonal(panel, &mut source.diagonal);
+            for i in 0..N {
+                successor.diagonal[i] += stage.weight[i / LANES].0[i % LANES].powi(2);
+            }
+        }
+        // E = ∂/∂(front) ∂/∂(next) of ½ (wΦ x − w x')²
+        let coupling = front.values[own * N..].as_chunks_mut::<N>().0;
+        for i in 0..own {
+            for j in 0..own {
+                let mut block = [simd.splat(0.0); LANES];
+                for (r, row) in block.iter_mut().enumerate() {
+                    let w = simd.splat(-stage.weight[i].0[r]);
+                    *row = simd.mul(simd.load(&states[j][i * LANES + r].0), w);
+                }
+                let (block, i, j) = match at_front {
+                    Front::Successor => (block, i, j),
+                    Front::Source => (simd.transpose(block), j, i),
+                };
+                for (to, row) in coupling[j][i * LANES..].iter_mut().zip(block) {
+                    to.0 = simd.store(row);
+                }
             }
         }
     }
 
     /// Eliminates the stage at the front into the next one, which takes its place; keeps U and `[Y | Z y]`.
     #[inline(always)]
-    fn eliminate<S: Simd>(&mut self, simd: S, kept: &mut [f64]) -> Result<(), Pivot> {
-        let Sweep { columns, front, next, border, diagonal, .. } = self;
-        let (n, groups, own) = (columns.padded_stage, columns.front(), columns.stage_groups);
-        for i in 0..n {
-            let pivot = &mut front[i / LANES * n + i].0[i % LANES];
+    fn eliminate<S: Simd, const N: usize>(&mut self, simd: S, mut kept: StoreMut<'_>) -> Result<(), Pivot> {
+        let Sweep { columns, front, next, border, .. } = self;
+        let own = columns.stage_groups;
+        for i in 0..N {
+            let pivot = &mut front.values[i / LANES * N + i].0[i % LANES];
             if i >= columns.shape.stage {
                 *pivot = 1.0;
             } else if self.damping > 0.0 {
-                *pivot += self.damping * diagonal[i];
+                *pivot += self.damping * front.diagonal[i];
             }
         }
-        kernel::factor(simd, n, front)?;
-        let rows = Rows { values: front, capacity: n, count: n };
-        let mut sums = Sums { values: next, rows: n };
-        for i in 0..own {
-            kernel::strip::<S, true>(simd, rows, own + i, own + i..2 * own, &mut sums, (i, i));
-            kernel::strip::<S, true>(simd, rows, own + i, 2 * own..groups, &mut sums, (i, 2 * own));
+        let groups = front.values.as_chunks_mut::<N>().0;
+        let Some(right) = front.right.first_chunk_mut::<N>() else { unreachable!("a block is {N} rows high") };
+        kernel::factor::<S, N>(simd, groups, right)?;
+        let (neighbour, shared) = groups[own..].split_at(own);
+        let mut sums = Sums { values: &mut next.values, rows: N };
+        for (i, left) in neighbour.iter().enumerate() {
+            kernel::products::<S, N, true>(simd, left, &neighbour[i..], &mut sums, (i, i));
+            kernel::products::<S, N, true>(simd, left, shared, &mut sums, (i, 2 * own));
         }
-        let mut sums = Sums { values: border, rows: columns.border_groups * LANES };
-        for i in 0..columns.border_groups {
-            kernel::strip::<S, true>(simd, rows, 2 * own + i, 2 * own + i..groups, &mut sums, (i, i));
+        for (group, to) in neighbour.iter().zip(next.right.as_chunks_mut().0) {
+            kernel::add_weighted::<S, true>(simd, group, right, to);
         }
-        let (triangle, rest) = kept.split_at_mut(kernel::triangle(n));
-        kernel::keep_triangle(front, n, triangle);
-        let width = columns.kept_columns();
-        for i in 0..n {
-            let (whole, tail) = rest[i * width..(i + 1) * width].as_chunks_mut::<LANES>();
-            for (g, kept) in whole.iter_mut().enumerate() {
-                *kept = front[(own + g) * n + i].0;
-            }
-            if !tail.is_empty() {
-                tail.copy_from_slice(&front[(own + whole.len()) * n + i].0[..tail.len()]);
-            }
+        let mut sums = Sums { values: &mut border.values, rows: columns.border_groups * LANES };
+        for (i, left) in shared.iter().enumerate() {
+            kernel::products::<S, N, true>(simd, left, &shared[i..], &mut sums, (i, i));
         }
+        for (group, to) in shared.iter().zip(border.gradient.as_chunks_mut().0) {
+            kernel::add_weighted::<S, true>(simd, group, right, to);
+        }
+        border.squares -= right.iter().map(|y| y * y).sum::<f64>();
+        kept.keep(groups, right);
         std::mem::swap(&mut self.front, &mut self.next);
-        std::mem::swap(&mut self.diagonal, &mut self.next_diagonal);
         Ok(())
     }
 }
@@ -257,15 +289,15 @@ pub(super) fn sweep_right<P: LeastSquares>(
     point: &P::Point,
     columns: Columns,
     damping: f64,
-    kept: &mut [f64],
+    mut kept: StoreMut<'_>,
 ) -> Result<Sweep, Singular> {
     let mut sweep = Sweep::new(columns, damping);
     let mut scratch = problem.scratch();
-    for (batch, kept) in kept.chunks_mut(BATCH * columns.kept()).enumerate() {
-        let first = batch * BATCH;
+    let size = columns.kept();
+    for first in (0..kept.groups() / size).step_by(BATCH) {
         sweep.linearise(problem, point, first, &mut scratch);
-        vectorised(Rightwards { sweep: &mut sweep, kept })
-            .map_err(|(slot, pivot)| Singular { stage: first + slot, pivot })?;
+        let kept = kept.part(first * size..(first + BATCH) * size);
+        turn(&mut sweep, kept, Direction::Right).map_err(|(slot, pivot)| Singular { stage: first + slot, pivot })?;
     }
     Ok(sweep)
 }
@@ -277,87 +309,92 @@ pub(super) fn sweep_left<P: LeastSquares>(
     columns: Columns,
     damping: f64,
     middle: usize,
-    kept: &mut [f64],
+    mut kept: StoreMut<'_>,
 ) -> Result<Sweep, Singular> {
     let mut sweep = Sweep::new(columns, damping);
     let mut scratch = problem.scratch();
-    let stages = columns.shape.stages;
+    let (stages, size) = (columns.shape.stages, columns.kept());
     for first in (middle..stages).step_by(BATCH).rev() {
         let count = sweep.linearise(problem, point, first, &mut scratch);
         // Stage `first + slot + 1` is eliminated at the turn of `slot`: there is none behind the last one.
         let eliminated = if first + count == stages { count - 1 } else { count };
-        let from = (first - middle) * columns.kept();
-        let kept = &mut kept[from..from + eliminated * columns.kept()];
-        vectorised(Leftwards { sweep: &mut sweep, count, eliminated, kept })
+        let kept = kept.part((first - middle) * size..(first - middle + eliminated) * size);
+        turn(&mut sweep, kept, Direction::Left { count })
             .map_err(|(slot, pivot)| Singular { stage: first + slot + 1, pivot })?;
     }
     Ok(sweep)
 }
 
-/// All stages of the batch, in order, each into its successor.
-struct Rightwards<'a> {
-    sweep: &'a mut Sweep,
-    kept: &'a mut [f64],
+/// The border's own rows, then the last stage, into nothing.
+pub(super) fn finish(sweep: &mut Sweep, kept: StoreMut<'_>) -> Result<(), Pivot> {
+    sweep.batch[0].linked = false;
+    turn(sweep, kept, Direction::Right).map_err(|(_, pivot)| pivot)
 }
 
-impl Work for Rightwards<'_> {
+/// Which way a sweep goes through its batch.
+#[derive(Debug, Clone, Copy)]
+enum Direction {
+    /// In order, each stage into its successor.
+    Right,
+    /// From the last of `count` stages on: each takes in its successor, then its own rows.
+    Left { count: usize },
+}
+
+/// Not generic over the problem, so that it is compiled once.
+fn turn(sweep: &mut Sweep, kept: StoreMut<'_>, direction: Direction) -> Result<(), (usize, Pivot)> {
+    vectorised(Turn { sweep, kept, direction })
+}
+
+/// The stages of a batch, as many as `kept` has room for.
+struct Turn<'a> {
+    sweep: &'a mut Sweep,
+    kept: StoreMut<'a>,
+    direction: Direction,
+}
+
+impl Work for Turn<'_> {
     type Output = Result<(), (usize, Pivot)>;
 
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) -> Self::Output {
-        for (slot, kept) in self.kept.chunks_exact_mut(self.sweep.columns.kept()).enumerate() {
-            self.sweep.add_rows(simd, slot);
-            self.sweep.add_transition(simd, slot, Front::Source);
-            if let Err(pivot) = self.sweep.eliminate(simd, kept) {
-                return Err((slot, pivot));
-            }
+        macro_rules! dispatch {
+            ($($size:literal)*) => {
+                match self.sweep.columns.padded_stage {
+                    $($size => self.sized::<S, $size>(simd),)*
+                    other => unreachable!("stage size {other} is not among STAGE_SIZES"),
+                }
+            };
         }
-        Ok(())
+        dispatch!(4 12 16 24 36)
     }
 }
 
-/// The stages of the batch from the last one on: each takes in its successor, then its own rows.
-struct Leftwards<'a> {
-    sweep: &'a mut Sweep,
-    count: usize,
-    /// How many of them have a successor at the front.
-    eliminated: usize,
-    kept: &'a mut [f64],
-}
-
-impl Work for Leftwards<'_> {
-    type Output = Result<(), (usize, Pivot)>;
-
+impl Turn<'_> {
     #[inline(always)]
-    fn run<S: Simd>(self, simd: S) -> Self::Output {
-        for slot in self.eliminated..self.count {
-            self.sweep.add_rows(simd, slot);
-        }
-        for (slot, kept) in self.kept.chunks_exact_mut(self.sweep.columns.kept()).enumerate().rev() {
-            self.sweep.add_transition(simd, slot, Front::Successor);
-            if let Err(pivot) = self.sweep.eliminate(simd, kept) {
-                return Err((slot, pivot));
+    fn sized<S: Simd, const N: usize>(self, simd: S) -> Result<(), (usize, Pivot)> {
+        let Turn { sweep, mut kept, direction } = self;
+        let size = sweep.columns.kept();
+        let eliminated = kept.groups() / size;
+        if let Direction::Left { count } = direction {
+            for slot in eliminated..count {
+                sweep.add_rows(simd, slot);
             }
-            self.sweep.add_rows(simd, slot);
+        }
+        for turn in 0..eliminated {
+            let (slot, at_front) = match direction {
+                Direction::Right => (turn, Front::Source),
+                Direction::Left { .. } => (eliminated - 1 - turn, Front::Successor),
+            };
+            if at_front == Front::Source {
+                sweep.add_rows(simd, slot);
+            }
+            sweep.add_transition::<S, N>(simd, slot, at_front);
+            let kept = kept.part(slot * size..(slot + 1) * size);
+            sweep.eliminate::<S, N>(simd, kept).map_err(|pivot| (slot, pivot))?;
+            if at_front == Front::Successor {
+                sweep.add_rows(simd, slot);
+            }
         }
         Ok(())
-    }
-}
-
-/// Adds the border's own rows and eliminates the last stage, into nothing.
-pub(super) struct Finish<'a> {
-    pub sweep: &'a mut Sweep,
-    pub kept: &'a mut [f64],
-}
-
-impl Work for Finish<'_> {
-    type Output = Result<(), Pivot>;
-
-    #[inline(always)]
-    fn run<S: Simd>(self, simd: S) -> Self::Output {
-        self.sweep.add_rows(simd, 0);
-        self.sweep.batch[0].linked = false;
-        self.sweep.add_transition(simd, 0, Front::Source);
-        self.sweep.eliminate(simd, self.kept)
     }
 }

@@ -82,7 +82,7 @@ impl Entries {
         let (kind, index) = row.kind_and_index();
         let row = self.first[kind] + index;
         debug_assert!(row < self.first[kind + 1], "the stage has no such row");
-        let group = self.columns.stage_groups + self.columns.border_groups + column / LANES;
+        let group = self.columns.stage_groups + self.columns.groups_with_right() + column / LANES;
         self.values[group * self.capacity + row].0[column % LANES] += value;
     }
 
@@ -93,7 +93,7 @@ impl Entries {
     }
 
     fn groups(&self) -> usize {
-        self.columns.stage_groups + self.columns.border_groups + self.extra
+        self.columns.stage_groups + self.columns.groups_with_right() + self.extra
     }
 
     /// Takes in the rows of `stage`; no extra column has an entry then.
@@ -114,7 +114,7 @@ impl Entries {
             self.direct.fill(Quad::default());
             self.has_direct = false;
         }
-        let (own, right) = (self.columns.stage_groups, self.columns.right());
+        let (own, right) = (self.columns.stage_groups, self.columns.shape.border);
         for (at, unit) in stage.units.iter().enumerate() {
             self.values[unit.component / LANES * self.capacity + at].0[unit.component % LANES] = unit.slope;
             self.values[(own + right / LANES) * self.capacity + at].0[right % LANES] = unit.residual;
@@ -127,6 +127,10 @@ impl Entries {
             for (from, to) in states.chain(border) {
                 let to = to * self.capacity + self.first[kind];
                 self.values[to..to + rows].copy_from_slice(&panel.values[from * panel.capacity..][..rows]);
+            }
+            let to = (own + right / LANES) * self.capacity + self.first[kind];
+            for (to, residual) in self.values[to..to + rows].iter_mut().zip(&panel.residuals) {
+                to.0[right % LANES] = *residual;
             }
         }
     }

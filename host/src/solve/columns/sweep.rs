@@ -37,10 +37,10 @@ impl Sweep {
             extra,
             front: vec![Quad::default(); n * extra],
             next: vec![Quad::default(); n * extra],
-            work: vec![Quad::default(); n * (columns.stage_groups + columns.border_groups + extra)],
+            work: vec![Quad::default(); n * (columns.stage_groups + columns.groups_with_right() + extra)],
             factor: StageFactor::default(),
             lower: Vec::new(),
-            sums: vec![Quad::default(); (columns.border_groups + extra) * LANES * extra],
+            sums: vec![Quad::default(); (columns.groups_with_right() + extra) * LANES * extra],
             kept: kept.then(Vec::new),
             batch: vec![Stage::new(columns); BATCH],
             entries: vec![Entries::new(columns, count); BATCH],
@@ -75,7 +75,7 @@ impl Sweep {
             }
         }
         let rows = Rows { values: &entries.values, capacity: entries.capacity, count: entries.first[4] };
-        let (own, behind) = (columns.stage_groups, columns.stage_groups + columns.border_groups);
+        let (own, behind) = (columns.stage_groups, columns.stage_groups + columns.groups_with_right());
         let mut to = Sums { values: front, rows: n };
         for i in 0..own {
             kernel::strip::<S, false>(simd, rows, i, behind..behind + *extra, &mut to, (i, 0));
@@ -92,8 +92,8 @@ impl Sweep {
         sums: &mut [Quad],
         extra: usize,
     ) {
-        let (own, behind) = (columns.stage_groups, columns.stage_groups + columns.border_groups);
-        let mut to = Sums { values: sums, rows: (columns.border_groups + extra) * LANES };
+        let (own, behind) = (columns.stage_groups, columns.stage_groups + columns.groups_with_right());
+        let mut to = Sums { values: sums, rows: (columns.groups_with_right() + extra) * LANES };
         for i in own..behind + extra {
             let from = i.max(behind);
             kernel::strip::<S, SUBTRACT>(simd, rows, i, from..behind + extra, &mut to, (i - own, from - behind));
@@ -108,7 +108,7 @@ impl Sweep {
         if !stage.linked {
             return;
         }
-        let (n, behind) = (columns.padded_stage, columns.stage_groups + columns.border_groups);
+        let (n, behind) = (columns.padded_stage, columns.stage_groups + columns.groups_with_right());
         let block = if at_front { front } else { next };
         for (g, to) in block.chunks_exact_mut(n).enumerate() {
             let from = &entries.values[(behind + g) * entries.capacity + entries.first[3]..];
@@ -125,17 +125,16 @@ impl Sweep {
         factor.stage(k, &mut self.factor);
         let Sweep { columns, extra, front, next, work, factor, lower, sums, kept, .. } = self;
         let (n, m, padded) = (columns.shape.stage, columns.shape.border, columns.padded_stage);
-        let (own, behind) = (columns.stage_groups, columns.stage_groups + columns.border_groups);
+        let (own, behind) = (columns.stage_groups, columns.stage_groups + columns.groups_with_right());
         for i in 0..n {
             for (j, y) in factor.y[i * n..(i + 1) * n].iter().enumerate() {
                 work[j / LANES * padded + i].0[j % LANES] = *y;
             }
             let border = &mut work[own * padded..];
             for (j, z) in factor.z[i * m..(i + 1) * m].iter().enumerate() {
-                let column = columns.shared(j);
-                border[column / LANES * padded + i].0[column % LANES] = *z;
+                border[j / LANES * padded + i].0[j % LANES] = *z;
             }
-            let right = columns.right();
+            let right = columns.shape.border;
             border[right / LANES * padded + i].0[right % LANES] = factor.right[i];
         }
         lower.resize(n * n, 0.0);
@@ -172,16 +171,16 @@ impl Sweep {
     }
 
     fn sum(&self, row: usize, column: usize) -> f64 {
-        let rows = (self.columns.border_groups + self.extra) * LANES;
+        let rows = (self.columns.groups_with_right() + self.extra) * LANES;
         self.sums[column / LANES * rows + row].0[column % LANES]
     }
 
     pub(super) fn reduced(&self, count: usize) -> Reduced {
-        let (columns, behind) = (&self.columns, self.columns.border_groups * LANES);
+        let (columns, behind) = (&self.columns, self.columns.groups_with_right() * LANES);
         Reduced {
-            coupling: DMatrix::from_fn(columns.shape.border, count, |i, j| self.sum(columns.shared(i), j)),
+            coupling: DMatrix::from_fn(columns.shape.border, count, |i, j| self.sum(i, j)),
             information: DMatrix::from_fn(count, count, |i, j| self.sum(behind + i.min(j), i.max(j))),
-            gradient: DVector::from_fn(count, |j, _| self.sum(columns.right(), j)),
+            gradient: DVector::from_fn(count, |j, _| self.sum(columns.shape.border, j)),
         }
     }
 }

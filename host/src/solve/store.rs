@@ -1,0 +1,210 @@
+//! What is kept of every stage for the back-substitution: U and `[Y | Z y]`, in double or single precision.
+//!
+//! ```text
+//! one stage, by groups of four:  U's rows from their diagonal block on | rows of [Y | Z] | y
+//! ```
+//! The elimination itself is always in double precision, and so are the Schur complement and its gradient. What is kept is only read to
+//! find the states' step: in single precision it has seven digits, which the next iteration mends, at half the memory and half of its
+//! traffic, which is what the time goes into.
+
+use super::kernel;
+use crate::simd::{LANES, Quad, Simd};
+
+/// How a factor keeps what the back-substitution needs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Precision {
+    /// Eight bytes a number: steps are as good as the elimination.
+    Double,
+    /// Four bytes a number: steps have seven digits.
+    Single,
+}
+
+/// A number as it is kept.
+pub(super) trait Kept: Copy + Default + Send + Sync {
+    fn keep(values: [f64; LANES]) -> [Self; LANES];
+    fn back(values: &[Self; LANES]) -> [f64; LANES];
+}
+
+impl Kept for f64 {
+    #[inline(always)]
+    fn keep(values: [f64; LANES]) -> [f64; LANES] {
+        values
+    }
+    #[inline(always)]
+    fn back(values: &[f64; LANES]) -> [f64; LANES] {
+        *values
+    }
+}
+
+impl Kept for f32 {
+    #[inline(always)]
+    fn keep(values: [f64; LANES]) -> [f32; LANES] {
+        values.map(|value| value as f32)
+    }
+    #[inline(always)]
+    fn back(values: &[f32; LANES]) -> [f64; LANES] {
+        values.map(f64::from)
+    }
+}
+
+/// The groups of all stages, in order.
+#[derive(Debug)]
+pub(super) enum Store {
+    Double(Vec<[f64; LANES]>),
+    Single(Vec<[f32; LANES]>),
+}
+
+/// A run of it.
+#[derive(Debug)]
+pub(super) enum StoreMut<'a> {
+    Double(&'a mut [[f64; LANES]]),
+    Single(&'a mut [[f32; LANES]]),
+}
+
+impl Store {
+    pub(super) fn new(precision: Precision, groups: usize) -> Self {
+        match precision {
+            Precision::Double => Store::Double(vec![[0.0; LANES]; groups]),
+            Precision::Single => Store::Single(vec![[0.0; LANES]; groups]),
+        }
+    }
+
+    pub(super) fn all(&mut self) -> StoreMut<'_> {
+        match self {
+            Store::Double(groups) => StoreMut::Double(groups),
+            Store::Single(groups) => StoreMut::Single(groups),
+        }
+    }
+
+    /// The numbers from group `first` on.
+    pub(super) fn copy(&self, first: usize, to: &mut [f64]) {
+        for (at, to) in (first..).zip(to.as_chunks_mut::<LANES>().0) {
+            *to = match self {
+                Store::Double(groups) => groups[at],
+                Store::Single(groups) => f32::back(&groups[at]),
+            };
+        }
+    }
+}
+
+impl<'a> StoreMut<'a> {
+    pub(super) fn groups(&self) -> usize {
+        match self {
+            StoreMut::Double(groups) => groups.len(),
+            StoreMut::Single(groups) => groups.len(),
+        }
+    }
+
+    pub(super) fn split_at(self, groups: usize) -> (StoreMut<'a>, StoreMut<'a>) {
+        match self {
+            StoreMut::Double(all) => {
+                let (a, b) = all.split_at_mut(groups);
+                (StoreMut::Double(a), StoreMut::Double(b))
+            }
+            StoreMut::Single(all) => {
+                let (a, b) = all.split_at_mut(groups);
+                (StoreMut::Single(a), StoreMut::Single(b))
+            }
+        }
+    }
+
+    /// A part of it.
+    #[inline(always)]
+    pub(super) fn part(&mut self, groups: std::ops::Range<usize>) -> StoreMut<'_> {
+        match self {
+            StoreMut::Double(all) => StoreMut::Double(&mut all[groups]),
+            StoreMut::Single(all) => StoreMut::Single(&mut all[groups]),
+        }
+    }
+
+    /// Keeps a factored front `[U | Y | Z]` and y. All of it belongs to one stage.
+    #[inline(always)]
+    pub(super) fn keep<const N: usize>(&mut self, front: &[[Quad; N]], right: &[f64; N]) {
+        match self {
+            StoreMut::Double(to) => keep(front, right, to),
+            StoreMut::Single(to) => keep(front, right, to),
+        }
+    }
+}
+
+/// Groups that U takes.
+pub(super) const fn triangle(n: usize) -> usize {
+    n * (n / LANES + 1) / 2
+}
+
+#[inline(always)]
+fn keep<T: Kept, const N: usize>(front: &[[Quad; N]], right: &[f64; N], to: &mut [[T; LANES]]) {
+    let (own, behind) = (N / LANES, front.len() - N / LANES);
+    let (u, rest) = to.split_at_mut(triangle(N));
+    let (rows, y) = rest.split_at_mut(N * behind);
+    let mut first = 0;
+    for i in 0..N {
+        let groups = i / LANES..own;
+        let row = &mut u[first..first + groups.len()];
+        first += groups.len();
+        for (to, from) in row.iter_mut().zip(&front[groups]) {
+            *to = T::keep(from[i].0);
+        }
+    }
+    for (i, row) in rows.chunks_exact_mut(behind).enumerate() {
+        for (to, from) in row.iter_mut().zip(&front[own..]) {
+            *to = T::keep(from[i].0);
+        }
+    }
+    for (to, from) in y.iter_mut().zip(right.as_chunks::<LANES>().0) {
+        *to = T::keep(*from);
+    }
+}
+
+/// `own = −U⁻¹ ([Y | Z] known + y)` of one stage: `known` is the step of the stage it was eliminated into, and of the shared unknowns.
+#[inline(always)]
+pub(super) fn substitute<S: Simd, T: Kept>(simd: S, kept: &[[T; LANES]], known: &[Quad], own: &mut [Quad]) {
+    let (groups, n) = (known.len(), own.len() * LANES);
+    let (u, rest) = kept.split_at(triangle(n));
+    let (rows, y) = rest.split_at(n * groups);
+    let (neighbour, shared) = known.split_at(own.len());
+    for ((rows, y), own) in rows.chunks_exact(LANES * groups).zip(y).zip(&mut *own) {
+        let mut sums = [simd.splat(0.0); LANES];
+        // What does not wait for the neighbour comes first.
+        for (known, first) in [(shared, neighbour.len()), (neighbour, 0)] {
+            for (r, sum) in sums.iter_mut().enumerate() {
+                let row = &rows[r * groups + first..][..known.len()];
+                for (row, known) in row.iter().zip(known) {
+                    *sum = simd.mul_add(simd.load(&T::back(row)), simd.load(&known.0), *sum);
+                }
+            }
+        }
+        let (sums, y) = (kernel::add_across(simd, sums), T::back(y));
+        *own = Quad(std::array::from_fn(|r| -(sums[r] + y[r])));
+    }
+    backward(simd, u, own);
+}
+
+/// Solves `U x = x` in place.
+#[inline(always)]
+fn backward<S: Simd, T: Kept>(simd: S, u: &[[T; LANES]], x: &mut [Quad]) {
+    let blocks = x.len();
+    let mut end = u.len();
+    for block in (0..blocks).rev() {
+        let width = blocks - block;
+        let rows = &u[end - LANES * width..end];
+        end -= LANES * width;
+        let (x, known) = x.split_at_mut(block + 1);
+        let mut sums = [simd.splat(0.0); LANES];
+        for (r, sum) in sums.iter_mut().enumerate() {
+            for (row, known) in rows[r * width + 1..(r + 1) * width].iter().zip(known.iter()) {
+                *sum = simd.mul_add(simd.load(&T::back(row)), simd.load(&known.0), *sum);
+            }
+        }
+        let loss = kernel::add_across(simd, sums);
+        let x = &mut x[block].0;
+        for i in (0..LANES).rev() {
+            let row = T::back(&rows[i * width]);
+            let mut sum = x[i] - loss[i];
+            for k in i + 1..LANES {
+                sum -= row[k] * x[k];
+            }
+            x[i] = sum * row[i];
+        }
+    }
+}
