@@ -161,7 +161,7 @@ impl Simd for pulp::x86::V3 {
     #[inline(always)]
     fn transpose(self, [a, b, c, d]: [Self::Vector; LANES]) -> [Self::Vector; LANES] {
         let avx = self.avx;
-        let [a, b, c, d] = [a, b, c, d].map(|row| pulp::cast(row));
+        let [a, b, c, d] = [a, b, c, d].map(pulp::cast);
         // a0 b0 a2 b2, a1 b1 a3 b3, …
         let (even, odd) = (avx._mm256_unpacklo_pd(a, b), avx._mm256_unpackhi_pd(a, b));
         let (even_below, odd_below) = (avx._mm256_unpacklo_pd(c, d), avx._mm256_unpackhi_pd(c, d));

@@ -1,14 +1,15 @@
 //! Levenberg–Marquardt on a chain: the states are eliminated, the damping acts on the shared unknowns.
 //!
-//! A rejected step costs a solve of the small border and a back-substitution, no new factorisation. Only where the states
-//! themselves lead astray (several rejections, or a stage that its residuals do not determine) are their diagonals damped too.
+//! Of a rejected step a part is tried first, which costs no more than residuals; then more damping, a solve of the small border and a
+//! back-substitution, no new factorisation. Only where the states themselves lead astray (several rejections, or a stage that its
+//! residuals do not determine) are their diagonals damped too.
 
 use std::time::Instant;
 
 use super::border::Border;
 use super::factor::{Factor, SolveError};
 use super::threads::both;
-use super::{LeastSquares, Step};
+use super::{LeastSquares, Precision, Step};
 
 /// Damping from which on a small change of the cost is no sign of a minimum.
 const HEAVY_DAMPING: f64 = 1e-2;
@@ -24,6 +25,8 @@ pub struct Settings {
     pub initial_damping: f64,
     /// Threads, 1 or 2. Default: 2 where the machine has them.
     pub threads: usize,
+    /// How the factor keeps what steps are made of. Default: single precision, whose error in a step the next one mends.
+    pub precision: Precision,
 }
 
 impl Default for Settings {
@@ -33,6 +36,7 @@ impl Default for Settings {
             relative_cost_change: 1e-9,
             initial_damping: 1e-4,
             threads: std::thread::available_parallelism().map_or(1, |n| n.get().min(2)),
+            precision: Precision::Single,
         }
     }
 }
@@ -139,7 +143,7 @@ pub fn minimise<P: LeastSquares>(
 ) -> Result<Solution<P::Point>, SolveError> {
     let begin = Instant::now();
     let mut seconds = Seconds::default();
-    let mut factor = Factor::new(problem)?;
+    let mut factor = Factor::with_precision(problem, settings.precision)?;
     let mut point = start;
     // Reused from step to step: fresh memory costs more than the arithmetic on it.
     let mut trial = point.clone();
@@ -184,23 +188,34 @@ pub fn minimise<P: LeastSquares>(
             let promised = states_promise + border_promise;
             factor.back_substitute(&shared, settings.threads, &mut step);
             problem.retract(&point, &step, &mut trial);
-            let trial_cost = total_cost(problem, &trial, settings.threads);
+            let mut trial_cost = total_cost(problem, &trial, settings.threads);
+            // The promise is a small difference of large sums: where rounding hides it, a whole step that changes next to nothing tells.
             // NaN counts as a rejection.
+            let rejected = trial_cost.is_nan() || trial_cost >= cost;
+            let little = (trial_cost - cost).abs() <= settings.relative_cost_change * cost;
+            nothing_left |= rejected && little && damping <= HEAVY_DAMPING && state_damping <= 1e-9;
+            let mut fraction = 1.0;
+            if rejected && !nothing_left && trial_cost.is_finite() {
+                // Mostly states went too far, past a reversal of friction, which no damping of the border holds back: a part of the same
+                // step, to where the parabola through both costs and the slope at the start, −2 · promised, is lowest.
+                trials += 1;
+                fraction = (promised / (trial_cost - cost + 2.0 * promised)).clamp(0.1, 0.5);
+                step.scale(fraction);
+                problem.retract(&point, &step, &mut trial);
+                trial_cost = total_cost(problem, &trial, settings.threads);
+            }
             if trial_cost < cost {
-                let ratio = (cost - trial_cost) / promised;
-                accepted = Some((trial_cost, damping));
-                damping *= if ratio > 0.5 {
-                    0.1
-                } else if ratio < 0.1 {
+                let ratio = (cost - trial_cost) / (promised * fraction * (2.0 - fraction));
+                accepted = Some((trial_cost, damping, fraction));
+                damping *= if ratio < 0.1 {
                     10.0
+                } else if ratio > 0.5 && fraction == 1.0 {
+                    0.1
                 } else {
                     1.0
                 };
                 break;
             }
-            // The promise is a small difference of large sums: where rounding hides it, a whole step that changes next to nothing tells.
-            let little = (trial_cost - cost).abs() <= settings.relative_cost_change * cost;
-            nothing_left |= little && damping <= HEAVY_DAMPING && state_damping <= 1e-9;
             if nothing_left {
                 break;
             }
@@ -208,7 +223,7 @@ pub fn minimise<P: LeastSquares>(
         }
         seconds.solve += clock.elapsed().as_secs_f64();
         factor_is_final = state_damping == 0.0;
-        let Some((trial_cost, used)) = accepted else {
+        let Some((trial_cost, used, fraction)) = accepted else {
             if nothing_left {
                 status = Status::Converged;
                 break;
@@ -232,8 +247,9 @@ pub fn minimise<P: LeastSquares>(
         let iteration = Iteration { cost, damping: used, trials };
         progress(iterations.len() + 1, &iteration);
         iterations.push(iteration);
-        // A heavily damped step changes little anywhere: it says nothing of the minimum.
-        let little_changed = change < settings.relative_cost_change && used <= HEAVY_DAMPING;
+        // A heavily damped step and a part of one change little anywhere: they say nothing of the minimum.
+        let whole = used <= HEAVY_DAMPING && fraction == 1.0;
+        let little_changed = change < settings.relative_cost_change && whole;
         if (nothing_left || little_changed) && state_damping <= 1e-9 {
             status = Status::Converged;
             break;

@@ -377,6 +377,15 @@ pub struct Step {
     pub border: Vec<f64>,
 }
 
+impl Step {
+    /// Multiplies all of it.
+    pub(super) fn scale(&mut self, factor: f64) {
+        for value in self.states.iter_mut().chain(&mut self.border) {
+            *value *= factor;
+        }
+    }
+}
+
 /// A least-squares problem on a chain with a border: minimise ½ Σ r² over all stages and the shared unknowns.
 pub trait LeastSquares: Sync {
     /// A point of the search space (states and shared unknowns, manifolds included).
