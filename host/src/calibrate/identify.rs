@@ -23,7 +23,7 @@ use super::preset::GyroRows;
 use super::problem::Problem;
 use crate::model::{SensorFrame, rotation};
 use crate::robot::{Friction, Joint, JointKind, Robot, Side, Symbol};
-use crate::solve::factor::{Factor, SolveError};
+use crate::solve::factor::{self, SolveError};
 use crate::solve::{LeastSquares, Step};
 
 /// Information below which a 95 % interval is wider than the prior guess, in units of the guess.
@@ -166,9 +166,7 @@ fn difference(border: &BorderLayout, start: &Point<'_>, point: &Point<'_>) -> Ve
 }
 
 fn information(problem: &Problem<'_>, point: &Point<'_>, threads: usize) -> Result<Vec<f64>, SolveError> {
-    let mut factor = Factor::new(problem)?;
-    factor.factorise(problem, point, 0.0, threads)?;
-    Ok(factor.schur().0)
+    Ok(factor::reduced(problem, point, threads)?.0)
 }
 
 /// The series with every gyro reading as the states say.

@@ -150,9 +150,8 @@ pub fn calibrate(
     noise_clock += clock.elapsed();
     let Found { mut solution, held, silent } = found;
     observability::without_held_turns(&mut solution.point.rotations, robot, problem.border(), &held);
-    let (information, gradient) = solution.factor.schur();
     let directions: Vec<_> = held.iter().map(|held| held.direction.clone()).collect();
-    let border = Border::new(&information, &gradient, &directions);
+    let border = Border::new(&solution.information, &solution.gradient, &directions);
     let mut calibration = summary::summarise(robot, &problem, &start, &solution, &border, (&held, &silent), &residue);
     calibration.preset = preset;
     calibration.noise_source = noise;

@@ -108,15 +108,18 @@ impl Factor {
     /// [`SolveError::StageTooLarge`].
     pub fn with_precision(problem: &impl LeastSquares, precision: Precision) -> Result<Self, SolveError> {
         let columns = Columns::of(problem.shape())?;
-        let stages = columns.shape.stages;
-        Ok(Factor {
+        Ok(Self::keeping(columns, Store::new(precision, columns.kept() * columns.shape.stages)))
+    }
+
+    fn keeping(columns: Columns, kept: Store) -> Self {
+        Factor {
             columns,
-            kept: Store::new(precision, columns.kept() * stages),
+            kept,
             // Sweeps go by whole batches.
-            middle: stages / (2 * BATCH) * BATCH,
+            middle: columns.shape.stages / (2 * BATCH) * BATCH,
             border: Reduced::default(),
             linearise: Duration::ZERO,
-        })
+        }
     }
 
     /// Time that the last factorisation spent in the problem's own residuals and derivatives, s: the slower sweep's.
@@ -234,6 +237,7 @@ impl Factor {
         match &self.kept {
             Store::Double(kept) => self.states_of(kept, border, threads, &mut step.states),
             Store::Single(kept) => self.states_of(kept, border, threads, &mut step.states),
+            Store::Nothing(_) => unreachable!("a factor that keeps nothing is not handed out"),
         }
     }
 
@@ -251,6 +255,21 @@ impl Factor {
             || vectorised(BackSubstitute { x: &mut right_x, kept: right_kept, states: right_states, backwards: false });
         both(threads, left, right);
     }
+}
+
+/// [`Factor::schur`] at `point` alone: nothing of the stages is kept, so that it takes no memory to speak of.
+///
+/// # Errors
+/// [`SolveError`].
+pub fn reduced<P: LeastSquares>(
+    problem: &P,
+    point: &P::Point,
+    threads: usize,
+) -> Result<(Vec<f64>, Vec<f64>), SolveError> {
+    let columns = Columns::of(problem.shape())?;
+    let mut factor = Factor::keeping(columns, Store::Nothing(columns.kept() * columns.shape.stages));
+    factor.factorise(problem, point, 0.0, threads)?;
+    Ok(factor.schur())
 }
 
 /// What a stage's step is made of.

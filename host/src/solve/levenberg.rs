@@ -99,8 +99,11 @@ pub struct Solution<P> {
     pub iterations: Vec<Iteration>,
     /// Where the time went.
     pub seconds: Seconds,
-    /// The undamped factor at the final point (or before a last step that changed the cost by less than the tolerance).
-    pub factor: Factor,
+    /// The information matrix of the shared unknowns, row-major m × m, as [`Factor::schur`] gives it: without damping, at the final point
+    /// (or before a last step that changed the cost by less than the tolerance).
+    pub information: Vec<f64>,
+    /// The gradient that goes with it, m.
+    pub gradient: Vec<f64>,
 }
 
 impl<P> Solution<P> {
@@ -267,5 +270,6 @@ pub fn minimise<P: LeastSquares>(
         seconds.add(&clock, &factor);
     }
     seconds.total = begin.elapsed().as_secs_f64();
-    Ok(Solution { point, cost, status, iterations, seconds, factor })
+    let (information, gradient) = factor.schur();
+    Ok(Solution { point, cost, status, iterations, seconds, information, gradient })
 }

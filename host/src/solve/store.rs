@@ -52,6 +52,8 @@ impl Kept for f32 {
 pub(super) enum Store {
     Double(Vec<[f64; LANES]>),
     Single(Vec<[f32; LANES]>),
+    /// So many groups that are not kept: of a factor that nobody asks for steps.
+    Nothing(usize),
 }
 
 /// A run of it.
@@ -59,6 +61,7 @@ pub(super) enum Store {
 pub(super) enum StoreMut<'a> {
     Double(&'a mut [[f64; LANES]]),
     Single(&'a mut [[f32; LANES]]),
+    Nothing(usize),
 }
 
 impl Store {
@@ -73,6 +76,7 @@ impl Store {
         match self {
             Store::Double(groups) => StoreMut::Double(groups),
             Store::Single(groups) => StoreMut::Single(groups),
+            Store::Nothing(groups) => StoreMut::Nothing(*groups),
         }
     }
 
@@ -82,6 +86,7 @@ impl Store {
             *to = match self {
                 Store::Double(groups) => groups[at],
                 Store::Single(groups) => f32::back(&groups[at]),
+                Store::Nothing(_) => unreachable!("a factor that keeps nothing is not handed out"),
             };
         }
     }
@@ -92,6 +97,7 @@ impl<'a> StoreMut<'a> {
         match self {
             StoreMut::Double(groups) => groups.len(),
             StoreMut::Single(groups) => groups.len(),
+            StoreMut::Nothing(groups) => *groups,
         }
     }
 
@@ -105,6 +111,7 @@ impl<'a> StoreMut<'a> {
                 let (a, b) = all.split_at_mut(groups);
                 (StoreMut::Single(a), StoreMut::Single(b))
             }
+            StoreMut::Nothing(all) => (StoreMut::Nothing(groups), StoreMut::Nothing(all - groups)),
         }
     }
 
@@ -114,6 +121,7 @@ impl<'a> StoreMut<'a> {
         match self {
             StoreMut::Double(all) => StoreMut::Double(&mut all[groups]),
             StoreMut::Single(all) => StoreMut::Single(&mut all[groups]),
+            StoreMut::Nothing(_) => StoreMut::Nothing(groups.len()),
         }
     }
 
@@ -123,6 +131,7 @@ impl<'a> StoreMut<'a> {
         match self {
             StoreMut::Double(to) => keep(front, right, to),
             StoreMut::Single(to) => keep(front, right, to),
+            StoreMut::Nothing(_) => {}
         }
     }
 }
