@@ -14,6 +14,12 @@ use super::{LeastSquares, Precision, Step};
 /// Damping from which on a small change of the cost is no sign of a minimum.
 const HEAVY_DAMPING: f64 = 1e-2;
 
+/// What a whole step gains of what it promised, where the parabola along it is lowest near its end. Where residuals are large or bend, the
+/// matrix of Gauss and Newton is not the cost's curvature and whole steps go too far, or not far enough, again and again (twenty of them,
+/// each leaving 73 % of the error, were seen under the rows of the paper); steps to the lowest point of the parabola, 1 / (2 − gain) of
+/// the way, take turns in what they leave.
+const WHOLE_STEP_GAIN: std::ops::RangeInclusive<f64> = 0.6..=1.4;
+
 /// When to stop, how much to damp, how many threads to use.
 #[derive(Debug, Clone)]
 pub struct Settings {
@@ -209,14 +215,28 @@ pub fn minimise<P: LeastSquares>(
             }
             if trial_cost < cost {
                 let ratio = (cost - trial_cost) / (promised * fraction * (2.0 - fraction));
-                accepted = Some((trial_cost, damping, fraction));
+                let (whole, used) = (fraction == 1.0, damping);
                 damping *= if ratio < 0.1 {
                     10.0
-                } else if ratio > 0.5 && fraction == 1.0 {
+                } else if ratio > 0.5 && whole {
                     0.1
                 } else {
                     1.0
                 };
+                if whole && !nothing_left && !little && !WHOLE_STEP_GAIN.contains(&ratio) {
+                    trials += 1;
+                    let lowest = (2.0 - ratio).max(0.5).recip();
+                    step.scale(lowest);
+                    problem.retract(&point, &step, &mut trial);
+                    let cost_there = total_cost(problem, &trial, settings.threads);
+                    if cost_there < trial_cost {
+                        trial_cost = cost_there;
+                    } else {
+                        step.scale(1.0 / lowest);
+                        problem.retract(&point, &step, &mut trial);
+                    }
+                }
+                accepted = Some((trial_cost, used, whole));
                 break;
             }
             if nothing_left {
@@ -226,7 +246,7 @@ pub fn minimise<P: LeastSquares>(
         }
         seconds.solve += clock.elapsed().as_secs_f64();
         factor_is_final = state_damping == 0.0;
-        let Some((trial_cost, used, fraction)) = accepted else {
+        let Some((trial_cost, used, whole)) = accepted else {
             if nothing_left {
                 status = Status::Converged;
                 break;
@@ -251,8 +271,7 @@ pub fn minimise<P: LeastSquares>(
         progress(iterations.len() + 1, &iteration);
         iterations.push(iteration);
         // A heavily damped step and a part of one change little anywhere: they say nothing of the minimum.
-        let whole = used <= HEAVY_DAMPING && fraction == 1.0;
-        let little_changed = change < settings.relative_cost_change && whole;
+        let little_changed = change < settings.relative_cost_change && whole && used <= HEAVY_DAMPING;
         if (nothing_left || little_changed) && state_damping <= 1e-9 {
             status = Status::Converged;
             break;
