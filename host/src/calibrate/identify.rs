@@ -122,6 +122,12 @@ fn unit(joint: &Joint) -> &'static str {
     if joint.kind == JointKind::Revolute { "rad" } else { "m" }
 }
 
+/// How many directions `information` leaves open besides those that are held.
+pub(super) fn open(problem: &Problem<'_>, point: &Point<'_>, information: &[f64], structural: &[Held]) -> usize {
+    let guess = Guess::new(problem, point, information);
+    sparse_basis(&guess.scaled(information, structural)).len()
+}
+
 /// Whether two sets of held directions span the same, as far as a search cares.
 pub(super) fn same(problem: &Problem<'_>, point: &Point<'_>, one: &[Held], other: &[Held]) -> bool {
     let guess = Guess::new(problem, point, &[]);

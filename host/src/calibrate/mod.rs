@@ -12,6 +12,7 @@ mod noise;
 mod noise_free;
 mod observability;
 mod point;
+mod prefit;
 mod preset;
 mod problem;
 mod reml;

@@ -3,6 +3,7 @@
 use super::identify;
 use super::observability::Held;
 use super::point::Point;
+use super::prefit;
 use super::problem::Problem;
 use crate::robot::Robot;
 use crate::solve::factor::SolveError;
@@ -21,7 +22,7 @@ pub(super) struct Found<'m> {
     pub silent: Vec<Held>,
 }
 
-/// Searches from `start` with `structural` held.
+/// Searches from `start` with `structural` held, of a long series a part first.
 ///
 /// What the motion does not determine is held from the outset, so that the search does not run away along it; whether it is so is judged
 /// again at the estimate.
@@ -34,26 +35,12 @@ pub(super) fn search<'m>(
     start: &Point<'m>,
     structural: &[Held],
     settings: &Settings,
-    mut progress: impl FnMut(usize, &Iteration),
+    progress: impl FnMut(usize, &Iteration),
 ) -> Result<Found<'m>, SolveError> {
-    let judge = |point: &Point<'_>| identify::judge(problem, robot, point, structural, settings.threads);
-    let mut weak = judge(start)?.weak;
-    let mut from = start.clone();
-    let mut rounds = 0;
-    loop {
-        let directions: Vec<_> = structural.iter().chain(&weak).map(|held| held.direction.clone()).collect();
-        let mut solution = levenberg::minimise(problem, from, &directions, settings, &mut progress)?;
-        let found = judge(&solution.point)?;
-        rounds += 1;
-        let settled = rounds == MOST_ROUNDS || identify::same(problem, &solution.point, &found.weak, &weak);
-        from = identify::at_start(problem, solution.point.clone(), start, &found.weak);
-        weak = found.weak;
-        if settled {
-            solution.point = from;
-            let held = structural.iter().chain(&weak).cloned().collect();
-            return Ok(Found { solution, held, silent: found.silent });
-        }
-    }
+    let weak = identify::judge(problem, robot, start, structural, settings.threads)?.weak;
+    let from = prefit::of(problem, robot, start, structural, &weak, settings);
+    let from = from.unwrap_or_else(|| start.clone());
+    settle(problem, robot, (start, from), (structural, weak), settings, progress)
 }
 
 /// Searches on from the end of another search, under other weights or with fewer readings.
@@ -69,7 +56,35 @@ pub(super) fn again<'m>(
     progress: impl FnMut(usize, &Iteration),
 ) -> Result<Found<'m>, SolveError> {
     let before = from.solution;
-    let mut found = search(problem, robot, &before.point, structural, settings, progress)?;
+    let weak = identify::judge(problem, robot, &before.point, structural, settings.threads)?.weak;
+    let start = (&before.point, before.point.clone());
+    let mut found = settle(problem, robot, start, (structural, weak), settings, progress)?;
     found.solution.add_before(before.iterations, before.seconds);
     Ok(found)
+}
+
+/// Searches until what is held is what the estimate leaves open. `start` is where held directions stay.
+fn settle<'m>(
+    problem: &Problem<'m>,
+    robot: &Robot,
+    (start, mut from): (&Point<'m>, Point<'m>),
+    (structural, mut weak): (&[Held], Vec<Held>),
+    settings: &Settings,
+    mut progress: impl FnMut(usize, &Iteration),
+) -> Result<Found<'m>, SolveError> {
+    let mut rounds = 0;
+    loop {
+        let directions: Vec<_> = structural.iter().chain(&weak).map(|held| held.direction.clone()).collect();
+        let mut solution = levenberg::minimise(problem, from, &directions, settings, &mut progress)?;
+        let found = identify::judge(problem, robot, &solution.point, structural, settings.threads)?;
+        rounds += 1;
+        let settled = rounds == MOST_ROUNDS || identify::same(problem, &solution.point, &found.weak, &weak);
+        from = identify::at_start(problem, solution.point.clone(), start, &found.weak);
+        weak = found.weak;
+        if settled {
+            solution.point = from;
+            let held = structural.iter().chain(&weak).cloned().collect();
+            return Ok(Found { solution, held, silent: found.silent });
+        }
+    }
 }

@@ -80,6 +80,65 @@ impl Series {
         self.rest.push(first..first + at_rest);
     }
 
+    /// About so many stages in so many windows spread over all recordings, with the start of their rest, as a series of their own; none
+    /// where that would be more than a third of them.
+    pub(super) fn excerpt(&self, samples: usize, windows: usize) -> Option<Series> {
+        let (whole, length) = (self.stages(), samples / windows);
+        if whole < 3 * samples {
+            return None;
+        }
+        let mut part = Series {
+            measured: Vec::with_capacity(2 * samples * self.channels.len()),
+            input: Vec::with_capacity(2 * samples * self.joints),
+            duration_s: Vec::with_capacity(2 * samples),
+            recordings: Vec::new(),
+            segments: Vec::new(),
+            rest: Vec::new(),
+            channels: self.channels.clone(),
+            joints: self.joints,
+        };
+        for (recording, rest) in self.recordings.iter().zip(&self.rest) {
+            let first = part.stages();
+            let moving = rest.start + rest.len().min(length);
+            part.take(self, rest.start..moving);
+            part.rest.push(first..part.stages());
+            let count = (windows * recording.len()).div_ceil(whole);
+            let last = recording.end.saturating_sub(length);
+            let mut from = moving;
+            for window in 0..count {
+                let start = from.max(moving + last.saturating_sub(moving) * (window + 1) / count);
+                from = (start + length).min(recording.end);
+                part.take(self, start..from);
+            }
+            part.recordings.push(first..part.stages());
+        }
+        Some(part)
+    }
+
+    /// Appends stages of another series with the gaps that are among them.
+    fn take(&mut self, from: &Series, stages: Range<usize>) {
+        let mut start = stages.start;
+        for k in stages.clone() {
+            if k + 1 < stages.end && !from.duration_s[k].is_nan() {
+                continue;
+            }
+            let run = start..k + 1;
+            start = k + 1;
+            if run.len() < SHORTEST_RUN {
+                continue;
+            }
+            let first = self.stages();
+            let channels = self.channels.len();
+            self.measured.extend_from_slice(&from.measured[run.start * channels..run.end * channels]);
+            self.input.extend_from_slice(&from.input[run.start * self.joints..run.end * self.joints]);
+            self.duration_s.extend_from_slice(&from.duration_s[run.clone()]);
+            if let Some(last) = self.duration_s.last_mut() {
+                *last = f64::NAN;
+            }
+            self.segments.push(first..self.stages());
+        }
+    }
+
     /// Random readings around zero for tests: `rest` stages without input, then random input.
     #[cfg(test)]
     pub(super) fn made_up(robot: &Robot, stages: usize, rest: usize) -> Self {

@@ -10,8 +10,12 @@ use crate::model::Model;
 use crate::robot::chain::MAX_JOINTS;
 use crate::robot::{ChannelKind, Robot};
 
-/// Half width of the window whose regression line gives a speed, samples.
-const SPEED_HALF_WINDOW: usize = 4;
+/// Half widths of the windows whose regression line gives a speed, samples: the widest that the readings agree with. A joint that sticks
+/// moves slower than the noise of a short window, and friction makes much of the sign of a speed.
+const SPEED_HALF_WINDOWS: [usize; 3] = [32, 12, 4];
+
+/// Readings agree with a line that they miss by as many sigmas, root mean square.
+const AGREES_SIGMAS: f64 = 1.5;
 
 /// Time constant of the leak that keeps the integral of q̇ − θ̇ from drifting, s. Belts swing at some Hz: slower than that.
 const LEAK_S: f64 = 0.3;
@@ -19,11 +23,33 @@ const LEAK_S: f64 = 0.3;
 /// Where no gyro sees a joint its q̇ is taken as θ̇, give or take this much, rad/s.
 const SPEED_PRIOR: f64 = 10.0;
 
-/// The start of the search.
+/// The start of the search: shared unknowns from the description.
 pub(super) fn start<'m>(model: &'m Model, robot: &Robot, series: &Series) -> Point<'m> {
-    let z = model.coordinates().start();
-    let rotations: Vec<_> = robot.gyros().map(|gyro| nalgebra::Matrix3::from_fn(|i, j| gyro.rotation[i][j])).collect();
-    let biases = (0..series.recordings.len()).map(|recording| biases_at_rest(robot, series, recording)).collect();
+    with_states(model, series, shared(model, robot, series))
+}
+
+/// The shared unknowns of the description; biases as the gyros read at rest.
+pub(super) fn shared(model: &Model, robot: &Robot, series: &Series) -> Shared {
+    Shared {
+        z: model.coordinates().start(),
+        rotations: robot.gyros().map(|gyro| nalgebra::Matrix3::from_fn(|i, j| gyro.rotation[i][j])).collect(),
+        biases: (0..series.recordings.len()).map(|recording| biases_at_rest(robot, series, recording)).collect(),
+    }
+}
+
+/// Shared unknowns: what a search starts from besides the states.
+#[derive(Debug, Clone)]
+pub(super) struct Shared {
+    pub z: Vec<f64>,
+    /// Body axes → sensor axes, one a gyro.
+    pub rotations: Vec<nalgebra::Matrix3<f64>>,
+    /// `[recording][gyro]`, rad/s.
+    pub biases: Vec<Vec<Vector3<f64>>>,
+}
+
+/// A first guess of all states for these shared unknowns.
+pub(super) fn with_states<'m>(model: &'m Model, series: &Series, shared: Shared) -> Point<'m> {
+    let Shared { z, rotations, biases } = shared;
     let mut point = Point {
         states: vec![0.0; series.stages() * model.layout().size()],
         dynamics: model.at(&z),
@@ -84,9 +110,13 @@ fn fill_run(model: &Model, series: &Series, run: std::ops::Range<usize>, point: 
         (0..n).map(|j| channels[j].or(other[j]).map_or_else(zeros, |c| column(series, run.clone(), c))).collect()
     };
     let theta = columns(&motor, &link);
-    let thetad: Vec<_> = theta.iter().map(|theta| speeds(series, run.clone(), theta)).collect();
+    let speeds = |values: &[Vec<f64>], channels: &[Option<usize>], other: &[Option<usize>]| -> Vec<Vec<f64>> {
+        let sigma = |j: usize| channels[j].or(other[j]).map_or(0.0, |c| series.channels[c].sigma);
+        values.iter().enumerate().map(|(j, values)| speeds(series, run.clone(), values, sigma(j))).collect()
+    };
+    let thetad = speeds(&theta, &motor, &link);
     let measured_q = columns(&link, &motor);
-    let measured_qd: Vec<_> = measured_q.iter().map(|q| speeds(series, run.clone(), q)).collect();
+    let measured_qd = speeds(&measured_q, &link, &motor);
 
     let mut windup = vec![0.0; n];
     let [mut theta_k, mut thetad_k, mut q_k, mut qd] = [0; 4].map(|_| vec![0.0; n]);
@@ -185,28 +215,36 @@ fn column(series: &Series, run: std::ops::Range<usize>, channel: usize) -> Vec<f
     .collect()
 }
 
-/// Slopes of regression lines over a window that shrinks at the ends of the run.
-fn speeds(series: &Series, run: std::ops::Range<usize>, values: &[f64]) -> Vec<f64> {
-    let mut time = Vec::with_capacity(values.len());
-    let mut now = 0.0;
-    for k in run {
-        time.push(now);
+/// Slopes of regression lines over windows that shrink at the ends of the run; `sigma` is that of a reading.
+fn speeds(series: &Series, run: std::ops::Range<usize>, values: &[f64], sigma: f64) -> Vec<f64> {
+    // Sums of t, v, t², tv and v² of all readings before one: a window's are a difference, however wide it is.
+    let mut sums = Vec::with_capacity(values.len() + 1);
+    let mut sum = [0.0; 5];
+    let mut t = 0.0;
+    sums.push(sum);
+    for (k, v) in run.zip(values) {
+        for (sum, term) in sum.iter_mut().zip([t, *v, t * t, t * v, v * v]) {
+            *sum += term;
+        }
+        sums.push(sum);
         let step_s = series.duration_s(k);
-        now += if step_s.is_nan() { 0.0 } else { step_s };
+        t += if step_s.is_nan() { 0.0 } else { step_s };
     }
-    (0..values.len())
-        .map(|i| {
-            let half = SPEED_HALF_WINDOW.min(values.len() - 1);
-            let (from, to) = (i.saturating_sub(half), (i + half).min(values.len() - 1));
-            let count = (to - from + 1) as f64;
-            let mean_t = time[from..=to].iter().sum::<f64>() / count;
-            let mean_v = values[from..=to].iter().sum::<f64>() / count;
-            let (mut above, mut below) = (0.0, 0.0);
-            for (t, v) in time[from..=to].iter().zip(&values[from..=to]) {
-                above += (t - mean_t) * (v - mean_v);
-                below += (t - mean_t) * (t - mean_t);
-            }
-            if below > 0.0 { above / below } else { 0.0 }
-        })
-        .collect()
+    let last = values.len() - 1;
+    // The slope, and the mean square that the line misses by.
+    let line = |i: usize, half: usize| {
+        let half = half.min(last);
+        let (from, to) = (i.saturating_sub(half), (i + half).min(last));
+        let count = (to - from + 1) as f64;
+        let [t, v, tt, tv, vv] = std::array::from_fn(|j| (sums[to + 1][j] - sums[from][j]) / count);
+        let (above, below) = (tv - t * v, tt - t * t);
+        let slope = if below > 0.0 { above / below } else { 0.0 };
+        (slope, vv - v * v - slope * above)
+    };
+    let allowed = (AGREES_SIGMAS * sigma).powi(2);
+    let speed = |i: usize| {
+        let lines = SPEED_HALF_WINDOWS.map(|half| line(i, half));
+        lines.into_iter().find(|(_, missed)| *missed <= allowed).unwrap_or(lines[lines.len() - 1]).0
+    };
+    (0..values.len()).map(speed).collect()
 }

@@ -139,3 +139,15 @@ fn a_turn_that_the_build_hides_is_taken_out_of_a_known_misalignment() {
         assert!((a - b).abs() < 1e-12, "gyro 2 sees all turns: {second:?}");
     }
 }
+
+#[test]
+fn an_excerpt_is_the_rest_and_windows_of_the_motion() {
+    let series = Series::made_up(&robot(), 3000, 200);
+    let part = series.excerpt(800, 8).unwrap();
+    // The start of the rest and eight windows of 100 samples, each a run of its own.
+    assert_eq!((part.stages(), part.segments.len(), part.rest[0].clone()), (900, 9, 0..100));
+    assert_eq!((part.recordings.len(), part.recordings[0].clone()), (1, 0..900));
+    assert_eq!((part.measured(0), part.measured(899)), (series.measured(0), series.measured(2999)));
+    assert!(part.segments.iter().all(|run| part.duration_s(run.end - 1).is_nan() && part.starts_run(run.start)));
+    assert!(series.excerpt(1001, 8).is_none(), "more than a third");
+}
