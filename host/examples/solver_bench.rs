@@ -13,13 +13,11 @@ use std::process::{Command, ExitCode};
 use std::time::Instant;
 
 use host::calibrate::{Preset, Status, calibrate};
-use host::recording::{NO_PHASE, Recorder, Recording, Row, Session, Source, Tick};
+use host::recording::Recording;
 use host::robot::Robot;
 use host::simd::{LANES, Simd, Work, vectorised};
-use host::simulate::{Plant, Truth};
+use host::simulate::{Direct, Options, SimulateError};
 use host::solve::levenberg::Settings;
-use rand::{RngExt, SeedableRng, rngs::StdRng};
-use rand_distr::{Distribution, StandardNormal};
 
 const SIZES: [usize; 7] = [5_000, 20_000, 70_000, 100_000, 200_000, 500_000, 1_000_000];
 
@@ -55,7 +53,14 @@ fn table(sizes: &[String]) -> ExitCode {
 /// All runs of one size.
 fn case(samples: usize) -> ExitCode {
     let robot = Robot::builtin("doggy").expect("doggy is built in");
-    let (recording, truth) = simulated(&robot, samples);
+    let (recording, truth) = match simulated(&robot, samples) {
+        Ok(simulated) => simulated,
+        Err(error) => {
+            eprintln!("{samples} samples: {error}");
+            return ExitCode::FAILURE;
+        }
+    };
+    let samples = recording.len();
     for (preset, threads) in [(Preset::Paper, 1), (Preset::Paper, 2), (Preset::Default, 2)] {
         reset_peak();
         let before = resident_mb("VmRSS");
@@ -101,63 +106,62 @@ fn case(samples: usize) -> ExitCode {
     ExitCode::SUCCESS
 }
 
-/// A recording of a robot that moves much: rest, slow moves, fast moves with chirps; and the true parameters of the dynamics.
-fn simulated(robot: &Robot, samples: usize) -> (Recording, Vec<(&'static str, f64)>) {
-    let mut rng = StdRng::seed_from_u64(1);
-    let truth = Truth::drawn(robot, &mut rng);
-    let mut plant = Plant::new(robot, &truth, Vec::new()).expect("no effect adds joints").with_step(5e-4);
-    let mut recorder = Recorder::new(Session::of(robot.clone()));
-    let channels = robot.channels();
-    let mut duty = [0.0; 3];
-    let mut target = [0.0; 3];
-    for k in 0..samples {
-        let mut noisy = |value: f64, sigma: f64| -> f64 {
-            let noise: f64 = StandardNormal.sample(&mut rng);
-            value + sigma * noise
-        };
-        let mut values = Vec::with_capacity(channels.len());
-        for joint in 0..3 {
-            values.push(noisy(plant.motor_position(joint), channels[joint].sigma));
-        }
-        for gyro in 0..2 {
-            for (axis, rate) in plant.gyro_rate(gyro).into_iter().enumerate() {
-                values.push(noisy(rate, channels[3 + 3 * gyro + axis].sigma));
-            }
-        }
-        let row = Row {
-            t_us: 1000 * k as u64,
-            seq: k as u64,
-            phase: NO_PHASE,
-            tick: Tick::default(),
-            duty: &duty,
-            values: &values,
-        };
-        recorder.push(&row).expect("rows are in order");
-        plant.advance(&duty, 1e-3);
+/// Names and values of the dynamics' parameters.
+type Dynamics = Vec<(&'static str, f64)>;
 
-        // Proportional control towards targets that jump, saturated at the stage's duty; a chirp on top in the fast stage.
-        let time_s = 1e-3 * k as f64;
-        let fast = (k / 5_000) % 3 != 0;
-        for joint in 0..3 {
-            let period = if fast { 350 } else { 1_500 };
-            if (k + 137 * joint) % period == 0 {
-                target[joint] = rng.random_range(-1.0..1.0) * if joint == 0 { 0.9 } else { 0.5 };
-            }
-            let limit = if fast { 0.9 } else { 0.15 };
-            let sweep = 9.0 + 4.0 * (time_s * 0.7).sin();
-            let chirp = if fast { 0.25 * (sweep * time_s * 2.0 + joint as f64).sin() } else { 0.0 };
-            duty[joint] = (3.0 * (target[joint] - plant.motor_position(joint)) + chirp).clamp(-limit, limit);
-            if k < 1_500 {
-                duty[joint] = 0.0;
-            }
-        }
-    }
-    let source = Source { path: "simulated".into(), sha256: String::new() };
-    let values = truth.values(robot);
+/// A recording of a motion that lasts as many ticks, and the truth.
+fn simulated(robot: &Robot, samples: usize) -> Result<(Recording, Dynamics), SimulateError> {
+    let options = Options { seed: 1, ..Options::new(robot.clone()) };
+    let Direct { recording, truth, .. } = Direct::record(&options, &motion(samples))?;
     let dynamics =
         ["k_pwm", "k_mi", "b", "mu[1]", "mu[2]", "mu[3]", "k_s[1]", "k_s[2]", "k_s[3]", "d_s[1]", "d_s[2]", "d_s[3]"];
-    let of = |name: &'static str| Some((name, values.iter().find(|value| value.name == name)?.value));
-    (recorder.finish(source), dynamics.into_iter().filter_map(of).collect())
+    let of = |name: &'static str| Some((name, truth.iter().find(|value| value.name == name)?.value));
+    Ok((recording, dynamics.into_iter().filter_map(of).collect()))
+}
+
+/// A motion file of `duration_ms` for three joints: rest, then rounds of half a minute of slow and fast sines and of chirps, of each joint
+/// and of all; longer rounds where there would be too many.
+fn motion(duration_ms: usize) -> String {
+    const ROUND_MS: usize = 30_000;
+    const MOST_ROUNDS: usize = 15;
+    let rest_ms = 1_500.min(duration_ms / 3);
+    let rounds = (duration_ms / ROUND_MS).clamp(1, MOST_ROUNDS);
+    let mut text = format!(
+        "name = \"bench\"\nstages = [\"rest\", \"slow\", \"fast\"]\ngain = [1.8, 3.0, 3.0]\n\n\
+         [[segments]]\nstage = 0\naction.zero = {{ duration_ms = {rest_ms} }}\n"
+    );
+    let sine = |ceiling: f64, amplitude: f64, hz: f64| {
+        format!(
+            "sine = {{ joints = [1, 2, 3], amplitude = {amplitude}, frequency_hz = {hz}, spread = 0.3, ceiling = {ceiling:?}"
+        )
+    };
+    let chirp = |joints: &str, spread: f64| {
+        format!(
+            "chirp = {{ joints = {joints}, amplitude = 0.9, from_hz = 1.4, to_hz = 10.0, spread = {spread:?}, centring = 1.5"
+        )
+    };
+    // Stage, what is done, and its share of a round in percent.
+    let parts = [
+        (1, sine(0.15, 0.25, 0.35), 30),
+        (2, sine(0.9, 0.3, 0.8), 30),
+        (2, chirp("[1]", 0.0), 8),
+        (2, chirp("[2]", 0.0), 8),
+        (2, chirp("[3]", 0.0), 8),
+        (2, chirp("[1, 2, 3]", 0.07), 16),
+    ];
+    // Ends of the parts in whole milliseconds: together they last what was asked for.
+    let whole = (duration_ms - rest_ms) as f64;
+    let (mut shares, mut from_ms) = (0, 0);
+    for _ in 0..rounds {
+        for (stage, action, share) in &parts {
+            shares += share;
+            let to_ms = (whole * f64::from(shares) / (100 * rounds) as f64).round() as usize;
+            let length_ms = to_ms - from_ms;
+            from_ms = to_ms;
+            text += &format!("\n[[segments]]\nstage = {stage}\naction.{action}, duration_ms = {length_ms} }}\n");
+        }
+    }
+    text
 }
 
 /// Multiply-adds of one core, flop/s: twelve sums, so that none waits for another.
