@@ -81,9 +81,16 @@ fn columns(problem: &Problem<'_>, robot: &Robot, start: &Point<'_>, end: &Point<
     columns
 }
 
-/// The covariance of the physical parameters: of the rotations relative to their nominal values too.
-fn physical_covariance(problem: &Problem<'_>, end: &Point<'_>, border: &Border) -> Option<DMatrix<f64>> {
-    let slopes = observability::physical_slopes(problem.model, &end.z, problem.border());
+/// The covariance of the physical parameters: of the rotations relative to their nominal values too. There a turn that is hardly known about
+/// one axis reaches the others.
+fn physical_covariance(robot: &Robot, problem: &Problem<'_>, end: &Point<'_>, border: &Border) -> Option<DMatrix<f64>> {
+    let mut slopes = observability::physical_slopes(problem.model, &end.z, problem.border());
+    for (gyro, spec) in robot.gyros().enumerate() {
+        let nominal = nalgebra::Matrix3::from_fn(|i, j| spec.rotation[i][j]);
+        let by_turn = rotation::boxminus_slopes(&rotation::boxminus(&end.rotations[gyro], &nominal));
+        let at = problem.border().rotation(gyro);
+        slopes.fixed_view_mut::<3, 3>(at, at).copy_from(&by_turn);
+    }
     Some(&slopes * border.covariance()? * slopes.transpose())
 }
 
@@ -148,7 +155,7 @@ pub(super) fn estimates<'m>(
     silent: &[Held],
 ) -> Vec<ParameterEstimate> {
     let columns = columns(problem, robot, start, end);
-    let covariance = physical_covariance(problem, end, border);
+    let covariance = physical_covariance(robot, problem, end, border);
     let slopes = observability::physical_slopes(problem.model, &end.z, problem.border());
     let shifts: Vec<DVector<f64>> = held.iter().map(|held| shift(held, &slopes, &columns, problem.border())).collect();
     let known = held.iter().filter(|held| held.reason.is_empty()).map(|held| &held.direction).collect::<Vec<_>>();
@@ -205,7 +212,7 @@ fn covariance(
     border: &Border,
     parameters: &[ParameterEstimate],
 ) -> Covariance {
-    let Some(all) = physical_covariance(problem, end, border) else { return Covariance::default() };
+    let Some(all) = physical_covariance(robot, problem, end, border) else { return Covariance::default() };
     let columns = columns(problem, robot, end, end);
     let places: Vec<usize> = parameters
         .iter()

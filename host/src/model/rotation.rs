@@ -14,6 +14,18 @@ pub fn boxminus(to: &Matrix3<f64>, from: &Matrix3<f64>) -> Vector3<f64> {
     nalgebra::UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(relative)).scaled_axis()
 }
 
+/// The slopes of `(R ⊞ d) ⊟ R₀` by d at d = 0, where `R ⊟ R₀ = δ`: the inverse right Jacobian of SO(3),
+/// `I + ½ δ× + (1/θ² − (1 + cos θ) / (2 θ sin θ)) (δ×)²`, θ = ‖δ‖ < π.
+pub fn boxminus_slopes(delta: &Vector3<f64>) -> Matrix3<f64> {
+    let (angle, skew) = (delta.norm(), skew(delta));
+    let second = if angle < 1e-3 {
+        1.0 / 12.0 // the next term is θ²/720
+    } else {
+        1.0 / (angle * angle) - (1.0 + angle.cos()) / (2.0 * angle * angle.sin())
+    };
+    Matrix3::identity() + 0.5 * skew + second * skew * skew
+}
+
 /// The nearest rotation to a matrix that rounding has moved off SO(3).
 pub fn orthonormalised(matrix: &Matrix3<f64>) -> Matrix3<f64> {
     let svd = matrix.svd(true, true);
@@ -45,6 +57,16 @@ mod tests {
             prop_assert!((boxminus(&to, &from) - delta).norm() < 1e-9);
             prop_assert!((to * to.transpose() - Matrix3::identity()).norm() < 1e-14);
             prop_assert!((to.determinant() - 1.0).abs() < 1e-14);
+        }
+
+        #[test]
+        fn boxminus_slopes_are_those_of_differences(a in prop::array::uniform3(-1.5f64..1.5), d in prop::array::uniform3(-1.0f64..1.0)) {
+            let (delta, d) = (Vector3::from(a), Vector3::from(d) * 1e-6);
+            let to = boxplus(&Matrix3::identity(), &delta);
+            let moved = |by: &Vector3<f64>| boxminus(&boxplus(&to, by), &Matrix3::identity());
+            let difference = 0.5 * (moved(&d) - moved(&-d));
+            // third order of 1e-6 rad, and rounding
+            prop_assert!((difference - boxminus_slopes(&delta) * d).norm() < 1e-13);
         }
 
         #[test]
