@@ -34,7 +34,7 @@ fn of<'a>(calibration: &'a Calibration, channel: &str) -> &'a ChannelNoise {
     calibration.noise.iter().find(|noise| noise.channel == channel).unwrap()
 }
 
-const ESTIMATED: Method = Method { preset: Preset::Default, noise: NoiseSource::Estimated };
+const FIXED: Method = Method { preset: Preset::Default, noise: NoiseSource::Fixed };
 
 /// χ² of every sensor channel is that of its degrees of freedom: 0.993 to 1.008 measured.
 fn sensors_are_right(calibration: &Calibration) {
@@ -50,7 +50,7 @@ fn sensors_are_right(calibration: &Calibration) {
 
 #[test]
 fn the_noise_of_a_shaken_robot_is_found() {
-    let calibration = calibrated(&recorded(5, 1.0), ESTIMATED);
+    let calibration = calibrated(&recorded(5, 1.0), Preset::Default);
     show(&calibration);
     assert_eq!(calibration.noise_source, NoiseSource::Estimated);
     sensors_are_right(&calibration);
@@ -65,7 +65,7 @@ fn the_noise_of_a_shaken_robot_is_found() {
 
 #[test]
 fn the_noise_of_a_robot_that_nothing_shakes_falls_towards_its_floor() {
-    let calibration = calibrated(&recorded(6, 0.0), ESTIMATED);
+    let calibration = calibrated(&recorded(6, 0.0), Preset::Default);
     show(&calibration);
     sensors_are_right(&calibration);
     for noise in calibration.noise.iter().filter(|noise| noise.channel.starts_with("process")) {
@@ -76,8 +76,8 @@ fn the_noise_of_a_robot_that_nothing_shakes_falls_towards_its_floor() {
 }
 
 #[test]
-fn fixed_noise_stays_what_it_was() {
-    let calibration = calibrated(&recorded(7, 0.0), Preset::Default);
+fn fixed_noise_is_what_the_robot_file_and_the_preset_say() {
+    let calibration = calibrated(&recorded(7, 0.0), FIXED);
     show(&calibration);
     assert_eq!(calibration.noise_source, NoiseSource::Fixed);
     assert_eq!(of(&calibration, "gyro1.x").sigma, 1.745e-3);

@@ -195,8 +195,9 @@ fn predicted_gyros(problem: &Problem<'_>, point: &Point<'_>) -> super::Series {
 }
 
 /// The prior guess: sizes of the physical parameters, and the way between them and the border's unknowns.
-struct Guess {
-    size: DVector<f64>,
+pub(super) struct Guess {
+    /// How large each of them is taken to be.
+    pub(super) size: DVector<f64>,
     /// ∂physical/∂border and its inverse.
     slopes: DMatrix<f64>,
     inverse: DMatrix<f64>,
@@ -204,7 +205,7 @@ struct Guess {
 }
 
 impl Guess {
-    fn new(problem: &Problem<'_>, point: &Point<'_>, information: &[f64]) -> Self {
+    pub(super) fn new(problem: &Problem<'_>, point: &Point<'_>, information: &[f64]) -> Self {
         let border = *problem.border();
         let m = border.size();
         let slopes = observability::physical_slopes(problem.model, &point.z, &border);
@@ -224,7 +225,7 @@ impl Guess {
         Guess { size, slopes, inverse, border }
     }
 
-    fn to_border(&self, scaled: &DVector<f64>) -> Vec<f64> {
+    pub(super) fn to_border(&self, scaled: &DVector<f64>) -> Vec<f64> {
         (&self.inverse * scaled.component_mul(&self.size)).as_slice().to_vec()
     }
 
@@ -233,7 +234,7 @@ impl Guess {
     }
 
     /// Held directions, orthonormal in units of the guess.
-    fn orthonormal(&self, held: &[Held]) -> DMatrix<f64> {
+    pub(super) fn orthonormal(&self, held: &[Held]) -> DMatrix<f64> {
         let mut axes = DMatrix::zeros(self.size.len(), 0);
         for held in held {
             let mut v = self.in_units(&held.direction);
@@ -249,7 +250,7 @@ impl Guess {
     }
 
     /// The information in units of the guess; held directions are taken as known beyond doubt.
-    fn scaled(&self, information: &[f64], held: &[Held]) -> DMatrix<f64> {
+    pub(super) fn scaled(&self, information: &[f64], held: &[Held]) -> DMatrix<f64> {
         let m = self.size.len();
         let by_size = DMatrix::from_fn(m, m, |i, j| self.inverse[(i, j)] * self.size[j]);
         let all = by_size.transpose() * DMatrix::from_row_slice(m, m, information) * by_size;

@@ -8,6 +8,7 @@
 mod chained;
 pub mod foresight;
 mod identify;
+mod marginal;
 mod noise;
 mod noise_free;
 mod observability;
@@ -126,8 +127,9 @@ pub fn calibrate(
     let Method { preset, noise } = method.into();
     check(robot, recordings, preset)?;
     let model = Model::new(robot);
+    let assumptions = preset.assumptions();
     let series = Series::of(robot, recordings);
-    let mut problem = Problem::new(&model, robot, &series, preset.assumptions());
+    let mut problem = Problem::new(&model, robot, &series, assumptions);
     let structural = observability::structural(&model, robot, problem.border());
     let clock = Instant::now();
     let start = start::start(&model, robot, &series);
@@ -137,19 +139,25 @@ pub fn calibrate(
     let rough = Settings { relative_cost_change: settings.relative_cost_change.max(ROUGH), ..settings.clone() };
     let first = if estimated { &rough } else { settings };
     let mut found = search::search(&problem, robot, &start, &structural, first, &mut progress)?;
+    let by_motion = found.noise_free.clone();
     let mut noise_clock = Duration::ZERO;
     let mut floor = None;
     if estimated {
         let clock = Instant::now();
         floor = Some(reml::estimate(&mut problem, &found.solution.point, settings.threads)?.floor);
         noise_clock += clock.elapsed();
-        found = search::again(&problem, robot, found, &structural, settings, &mut progress)?;
+        found = search::again(&problem, robot, (&start, found), &structural, settings, &mut progress)?;
     }
     let clock = Instant::now();
     let residue = reml::residue(&problem, &found.solution.point, settings.threads)?;
     let residue = Residue { floor, ..residue };
     noise_clock += clock.elapsed();
-    let Found { mut solution, held, silent } = found;
+    // The paper's preset shows what its noise does to the estimates.
+    if preset != Preset::Paper {
+        let by_noise = marginal::shown_by_noise(&problem, &found, &by_motion, settings.threads)?;
+        found.silent.extend(by_noise);
+    }
+    let Found { mut solution, held, silent, .. } = found;
     observability::without_held_turns(&mut solution.point.rotations, robot, problem.border(), &held);
     let directions: Vec<_> = held.iter().map(|held| held.direction.clone()).collect();
     let border = Border::new(&solution.information, &solution.gradient, &directions);

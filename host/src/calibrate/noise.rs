@@ -24,6 +24,9 @@ const STEPS_LOOKED_AT: usize = 5_000;
 /// Positions are never taken for better known than that.
 const POSITION_PER_SPEED: f64 = 0.288_675_134_594_813;
 
+/// Share of the robot file's standard deviation below which no channel's is taken to be.
+const LEAST_SHARE: f64 = 0.5;
+
 impl Noise {
     /// What the robot file says of the sensors, and the process noise that a preset assumes.
     pub fn assumed(robot: &Robot, model: &Model, series: &Series, assumptions: &Assumptions) -> Self {
@@ -34,7 +37,8 @@ impl Noise {
     }
 
     /// Least standard deviations that make sense at `point`: of a step, the integrator's own error (root mean square of one step less two
-    /// half steps, along the trajectory); of a channel, a thousandth of what the robot file says.
+    /// half steps, along the trajectory); of a channel, half of what the robot file says. Where the model is wrong, the likelihood likes to
+    /// believe one sensor to the last digit and none of the others; no sensor is that good.
     pub(super) fn floor(problem: &Problem<'_>, point: &Point<'_>) -> Self {
         let (series, layout) = (problem.series, problem.model.layout());
         let size = layout.size();
@@ -60,7 +64,7 @@ impl Noise {
         }
         let count = count.max(1) as f64;
         let mut floor = Noise {
-            channels: series.channels.iter().map(|channel| 1e-3 * channel.sigma).collect(),
+            channels: series.channels.iter().map(|channel| LEAST_SHARE * channel.sigma).collect(),
             process: squares.into_iter().map(|square| (square / count).sqrt()).collect(),
         };
         floor.join_positions(layout, period_s / count);

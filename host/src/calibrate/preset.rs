@@ -24,7 +24,7 @@ pub enum NoiseSource {
     Estimated,
 }
 
-/// How a calibration is made: the preset, and where the noise comes from. A preset alone keeps its noise fixed.
+/// How a calibration is made: the preset, and where the noise comes from. The default preset alone estimates it, the paper's keeps (35)–(37).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Method {
     /// Assumptions.
@@ -35,7 +35,11 @@ pub struct Method {
 
 impl From<Preset> for Method {
     fn from(preset: Preset) -> Self {
-        Method { preset, noise: NoiseSource::Fixed }
+        let noise = match preset {
+            Preset::Default => NoiseSource::Estimated,
+            Preset::Paper => NoiseSource::Fixed,
+        };
+        Method { preset, noise }
     }
 }
 

@@ -20,6 +20,8 @@ pub(super) struct Found<'m> {
     pub held: Vec<Held>,
     /// Parameters that were free and that no number is given for.
     pub silent: Vec<Held>,
+    /// Information of noise-free predictions, row-major, of the border's unknowns.
+    pub noise_free: Vec<f64>,
 }
 
 /// Searches from `start` with `structural` held, of a long series a part first.
@@ -43,22 +45,22 @@ pub(super) fn search<'m>(
     settle(problem, robot, (start, from), (structural, weak), settings, progress)
 }
 
-/// Searches on from the end of another search, under other weights or with fewer readings.
+/// Searches on from the end of another search, under other weights or with fewer readings; what is held stands as it does at `start`.
 ///
 /// # Errors
 /// As a solve's own.
 pub(super) fn again<'m>(
     problem: &Problem<'m>,
     robot: &Robot,
-    from: Found<'m>,
+    (start, from): (&Point<'m>, Found<'m>),
     structural: &[Held],
     settings: &Settings,
     progress: impl FnMut(usize, &Iteration),
 ) -> Result<Found<'m>, SolveError> {
     let before = from.solution;
     let weak = identify::judge(problem, robot, &before.point, structural, settings.threads)?.weak;
-    let start = (&before.point, before.point.clone());
-    let mut found = settle(problem, robot, start, (structural, weak), settings, progress)?;
+    let near = identify::at_start(problem, before.point, start, &weak);
+    let mut found = settle(problem, robot, (start, near), (structural, weak), settings, progress)?;
     found.solution.add_before(before.iterations, before.seconds);
     Ok(found)
 }
@@ -84,7 +86,7 @@ fn settle<'m>(
         if settled {
             solution.point = from;
             let held = structural.iter().chain(&weak).cloned().collect();
-            return Ok(Found { solution, held, silent: found.silent });
+            return Ok(Found { solution, held, silent: found.silent, noise_free: found.information });
         }
     }
 }
