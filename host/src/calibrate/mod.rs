@@ -12,6 +12,7 @@ mod marginal;
 mod noise;
 mod noise_free;
 mod observability;
+mod outliers;
 mod point;
 mod prefit;
 mod preset;
@@ -29,6 +30,7 @@ mod wide;
 
 pub use noise::Noise;
 pub use observability::{Unobservable, comparable_truth};
+use outliers::Screened;
 pub use point::{BorderLayout, Point};
 pub use preset::{Assumptions, GyroRows, InitialNoise, Method, NoiseSource, Preset, ProcessNoise};
 pub use problem::Problem;
@@ -110,9 +112,13 @@ const FEWEST_SAMPLES: usize = 200;
 /// Relative change of the cost from which on a search ends whose weights will change anyway.
 const ROUGH: f64 = 1e-5;
 
+/// Searches at most that leave out what the one before found to be outliers.
+const MOST_SIFTINGS: usize = 3;
+
 /// Calibrates `robot` on recordings of it, by a [`Preset`] or a [`Method`]. `progress` is called once an iteration.
 ///
-/// Where the noise is estimated, the problem is solved under the preset's noise, roughly, and again under the noise that was found.
+/// Where the noise is estimated, the problem is solved under the preset's noise, roughly, and again under the noise that was found. Lone
+/// readings far from what the model and their neighbours say are left out, unless the preset keeps all.
 ///
 /// # Errors
 /// [`CalibrateError`].
@@ -128,17 +134,23 @@ pub fn calibrate(
     check(robot, recordings, preset)?;
     let model = Model::new(robot);
     let assumptions = preset.assumptions();
-    let series = Series::of(robot, recordings);
-    let mut problem = Problem::new(&model, robot, &series, assumptions);
+    let screened = Screened::new(Series::of(robot, recordings), assumptions.without_outliers);
+    let mut problem = Problem::new(&model, robot, screened.series(), assumptions);
     let structural = observability::structural(&model, robot, problem.border());
     let clock = Instant::now();
-    let start = start::start(&model, robot, &series);
+    let start = start::start(&model, robot, screened.series());
     let start_seconds = clock.elapsed().as_secs_f64();
 
     let estimated = noise == NoiseSource::Estimated;
     let rough = Settings { relative_cost_change: settings.relative_cost_change.max(ROUGH), ..settings.clone() };
     let first = if estimated { &rough } else { settings };
     let mut found = search::search(&problem, robot, &start, &structural, first, &mut progress)?;
+    for _ in 0..MOST_SIFTINGS {
+        if !screened.look(&mut problem, &found.solution.point) {
+            break;
+        }
+        found = search::again(&problem, robot, (&start, found), &structural, first, &mut progress)?;
+    }
     let by_motion = found.noise_free.clone();
     let mut noise_clock = Duration::ZERO;
     let mut floor = None;
@@ -147,6 +159,9 @@ pub fn calibrate(
         floor = Some(reml::estimate(&mut problem, &found.solution.point, settings.threads)?.floor);
         noise_clock += clock.elapsed();
         found = search::again(&problem, robot, (&start, found), &structural, settings, &mut progress)?;
+        if screened.look(&mut problem, &found.solution.point) {
+            found = search::again(&problem, robot, (&start, found), &structural, settings, &mut progress)?;
+        }
     }
     let clock = Instant::now();
     let residue = reml::residue(&problem, &found.solution.point, settings.threads)?;
@@ -164,6 +179,9 @@ pub fn calibrate(
     let mut calibration = summary::summarise(robot, &problem, &start, &solution, &border, (&held, &silent), &residue);
     calibration.preset = preset;
     calibration.noise_source = noise;
+    for (noise, left_out) in calibration.noise.iter_mut().zip(screened.left_out()) {
+        noise.left_out = left_out;
+    }
     calibration.recordings = recordings.iter().map(|recording| summary::used(recording)).collect();
     if held.len() + silent.len() > structural.len() && calibration.status == Status::Converged {
         calibration.status = Status::Unidentifiable;

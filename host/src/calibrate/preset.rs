@@ -54,6 +54,8 @@ pub struct Assumptions {
     pub process: ProcessNoise,
     /// What is known of the first state of a chain.
     pub initial: InitialNoise,
+    /// Whether lone readings far from what the model and their neighbours say are left out.
+    pub without_outliers: bool,
 }
 
 /// Which residual rows the gyros give.
@@ -125,12 +127,14 @@ impl Preset {
                     motor_speed: PAPER_PROCESS.motor_speed / TIGHTER,
                 },
                 initial: PAPER_INITIAL,
+                without_outliers: true,
             },
             Preset::Paper => Assumptions {
                 integrator: Integrator::Euler,
                 gyro_rows: GyroRows::Chained,
                 process: PAPER_PROCESS,
                 initial: PAPER_INITIAL,
+                without_outliers: false,
             },
         }
     }

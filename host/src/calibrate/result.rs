@@ -173,6 +173,9 @@ pub struct ChannelNoise {
     pub freedom: Option<f64>,
     /// Σ (r/σ)² over the degrees of freedom; about 1 when σ is right. Null where the preset makes no row of this channel.
     pub chi2_per_dof: Option<f64>,
+    /// Readings that were left out as outliers.
+    #[serde(default)]
+    pub left_out: usize,
 }
 
 /// Fit of a channel.

@@ -294,6 +294,7 @@ fn channels(
             floor: residue.floor.as_ref().map(|floor| floor.channels[c]),
             freedom: share(rows, residue.freedom[c]),
             chi2_per_dof: chi2((rows, squares / (sigma * sigma)), residue.freedom[c]),
+            left_out: 0,
         });
         fit.push(ChannelFit {
             channel: spec.name.clone(),
@@ -310,6 +311,7 @@ fn channels(
             floor: residue.floor.as_ref().map(|floor| floor.process[i]),
             freedom: freedom.is_finite().then_some(freedom),
             chi2_per_dof: residue.process_chi2_per_dof[i],
+            left_out: 0,
         });
     }
     (noise, fit)

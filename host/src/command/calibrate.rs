@@ -104,6 +104,10 @@ pub(super) fn print_table(ui: &Ui, calibration: &Calibration) {
         let names: Vec<_> = direction.direction.iter().map(|(name, share)| format!("{share:+.2} {name}")).collect();
         ui.say(format_args!("not observable: {} ({})", names.join(" "), direction.reason));
     }
+    for noise in calibration.noise.iter().filter(|noise| noise.left_out > 0) {
+        let reads = if noise.left_out == 1 { "reading" } else { "readings" };
+        ui.say(format_args!("left out as outliers: {} {reads} of {}", noise.left_out, noise.channel));
+    }
     let status = match calibration.status {
         Status::Converged => "converged",
         Status::Almost => "almost converged",

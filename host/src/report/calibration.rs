@@ -2,7 +2,7 @@
 
 use super::number::{percent, significant, with_error};
 use super::{Bar, BarChart, Cell, Page, Section, Table, Tone};
-use crate::calibrate::{Calibration, ParameterEstimate, Preset, Status};
+use crate::calibrate::{Calibration, NoiseSource, ParameterEstimate, Preset, Status};
 use crate::robot::Symbol;
 
 /// The whole page.
@@ -124,17 +124,26 @@ fn interval(low: f64, high: f64, error: Option<f64>) -> String {
 /// How well the estimated states and parameters fit each channel.
 pub fn fit(calibration: &Calibration) -> Section {
     let mut section = Section::new("Fit per channel");
-    section.prose(
+    let estimated = calibration.noise_source == NoiseSource::Estimated;
+    section.prose(if estimated {
+        "What is left between the readings and the fitted motion, over the noise that was estimated from it. A ratio of 1 is right; \
+         another one says that what is left is not noise of one size: the model misses something."
+    } else {
         "What is left between the readings and the fitted motion. A ratio of 1 to the assumed noise is right; well \
-         below 1 the states follow the noise, well above 1 the model misses something.",
-    );
+         below 1 the states follow the noise, well above 1 the model misses something."
+    });
+    let (of_noise, over_noise) = match calibration.noise_source {
+        NoiseSource::Estimated => ("estimated noise σ", "Residual over estimated noise"),
+        NoiseSource::Fixed => ("assumed noise σ", "Residual over assumed noise"),
+    };
     let mut table = Table::new()
         .words("channel")
         .words("unit")
-        .numbers("assumed noise σ", "")
+        .numbers(of_noise, "")
         .numbers("residual", "rms")
-        .numbers("", "% of the signal");
-    let mut chart = BarChart::new("residual over assumed noise (σ)").threshold(1.0, "the assumed noise");
+        .numbers("", "% of the signal")
+        .numbers("left out", "readings");
+    let mut chart = BarChart::new(format!("{} (σ)", over_noise.to_lowercase())).threshold(1.0, "the noise");
     for (noise, fit) in calibration.noise.iter().zip(&calibration.fit) {
         let ratio = noise.chi2_per_dof.map(f64::sqrt);
         table.row([
@@ -143,15 +152,45 @@ pub fn fit(calibration: &Calibration) -> Section {
             significant(noise.sigma, 3).into(),
             fit.rms.map_or_else(|| "no row".into(), |rms| significant(rms, 3)).into(),
             fit.nrmse.map_or_else(String::new, |n| percent(n).trim_end_matches(" %").to_owned()).into(),
+            Cell::toned(noise.left_out.to_string(), if noise.left_out > 0 { Tone::Warning } else { Tone::Plain }),
         ]);
         if let Some(ratio) = ratio {
             let tone = if (0.7..1.3).contains(&ratio) { Tone::Good } else { Tone::Warning };
             chart = chart.bar(Bar::new(&noise.channel, ratio).tone(tone));
         }
     }
-    section.bars("Residual over assumed noise", &chart);
-    section.table(&table);
+    section.bars(over_noise, &chart);
+    section.table(&table.caption(
+        "Readings left out stand alone, more than six standard deviations from what the model and their neighbours say.",
+    ));
+    process_noise(calibration, &mut section);
     section
+}
+
+/// What a step of the model misses, beside the channels' noise.
+fn process_noise(calibration: &Calibration, section: &mut Section) {
+    section.heading("What one step of the model misses");
+    let mut table = Table::new()
+        .words("state")
+        .words("unit")
+        .numbers("σ a step", "")
+        .numbers("least", "the integration's own error")
+        .numbers("χ² per degree of freedom", "");
+    for noise in calibration.noise.iter().skip(calibration.fit.len()) {
+        table.row([
+            noise.channel.trim_start_matches("process.").into(),
+            noise.unit.as_str().into(),
+            significant(noise.sigma, 3).into(),
+            noise.floor.map_or_else(String::new, |floor| significant(floor, 3)).into(),
+            noise.chi2_per_dof.map_or_else(String::new, |chi2| significant(chi2, 3)).into(),
+        ]);
+    }
+    section.table(&table.caption(match calibration.noise_source {
+        NoiseSource::Estimated => {
+            "Estimated with the rest: where σ is well above the least, something shakes the robot, or the model misses something."
+        }
+        NoiseSource::Fixed => "As the preset assumes.",
+    }));
 }
 
 /// The paper's assumptions on the same recording: what they make of the parameters, beside the default's.
@@ -223,7 +262,7 @@ pub fn paper_beside_default(default: &Calibration, paper: &Calibration, period_s
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::calibrate::{ChannelFit, ChannelNoise, NoiseSource, Seconds, Unobservable};
+    use crate::calibrate::{ChannelFit, ChannelNoise, Seconds, Unobservable};
     use crate::robot::Robot;
 
     fn parameter(name: &str, estimate: f64, error: Option<f64>) -> ParameterEstimate {
@@ -264,6 +303,7 @@ mod tests {
                 floor: None,
                 freedom: Some(0.99),
                 chi2_per_dof: Some(1.0),
+                left_out: 0,
             }],
             fit: vec![ChannelFit { channel: "gyro1.x".into(), rms: Some(1e-3), nrmse: Some(0.01) }],
             first_states: Vec::new(),
