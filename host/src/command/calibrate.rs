@@ -24,7 +24,7 @@ pub struct Args {
     /// Assumptions: `default`, or `paper` to reproduce the paper with its biases
     #[arg(long, value_enum, default_value_t = Preset::Default)]
     preset: Preset,
-    /// Noise of sensors and model steps: as the robot file and the preset say, or from the recording itself
+    /// Noise of sensors and model steps: from the recording itself (`default` does so), or as the robot file and the preset say (`paper`)
     #[arg(long, value_enum)]
     noise: Option<NoiseSource>,
     #[command(flatten)]
