@@ -84,7 +84,7 @@ impl<'m> Problem<'m> {
         let linear = &scratch.linear;
         let (mut states, mut border) = (Vec::new(), Vec::new());
         if complete {
-            let n = self.model.layout().joints();
+            let n = self.model.layout().chain();
             let (q, qd) = point.state(k)[..2 * n].split_at(n);
             if with_slopes {
                 scratch.frame.linearise(self.model.chain(), q, qd);
@@ -188,7 +188,7 @@ impl<'m> Problem<'m> {
 
     /// The axis of the joint that carries `body`, in the axes of that body: its rate when only this joint moves.
     pub(super) fn axis_before(&self, body: usize) -> Vector3<f64> {
-        let n = self.model.layout().joints();
+        let n = self.model.layout().chain();
         let mut qd = [0.0; MAX_JOINTS];
         qd[body] = 1.0;
         let mut rates = [[0.0; 3]; MAX_JOINTS];

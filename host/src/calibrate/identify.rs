@@ -177,7 +177,7 @@ fn information(problem: &Problem<'_>, point: &Point<'_>, threads: usize) -> Resu
 
 /// The series with every gyro reading as the states say.
 fn predicted_gyros(problem: &Problem<'_>, point: &Point<'_>) -> super::Series {
-    let n = problem.model.layout().joints();
+    let n = problem.model.layout().chain();
     let mut frame = SensorFrame::default();
     let mut series = problem.series.clone();
     for k in 0..series.stages() {
@@ -219,6 +219,8 @@ impl Guess {
         let size = DVector::from_fn(m, |i, _| match starts.get(i) {
             Some(start) if *start != 0.0 => start.abs(),
             Some(_) => alone(i),
+            // Laws of effects have no guess of their own.
+            None if i < border.dynamics => alone(i),
             None if i < first_bias => MOUNTING_RAD,
             None => OFFSET_RAD_S,
         });

@@ -5,9 +5,15 @@
 //!                                       preset: integrator, gyro rows, noise ──┘
 //! ```
 
+mod bench;
 mod chained;
+#[cfg(test)]
+mod extended_tests;
+pub(crate) mod extension;
+mod fit;
 pub mod foresight;
 mod identify;
+mod law_rows;
 mod marginal;
 mod noise;
 mod noise_free;
@@ -28,27 +34,21 @@ mod summary;
 mod tests;
 mod wide;
 
+pub use bench::{Bench, JointState, Trial, TrialValue};
+pub use fit::{Fit, calibrate, extend, fit};
 pub use noise::Noise;
 pub use observability::{Unobservable, comparable_truth};
-use outliers::Screened;
 pub use point::{BorderLayout, Point};
 pub use preset::{Assumptions, GyroRows, InitialNoise, Method, NoiseSource, Preset, ProcessNoise};
 pub use problem::Problem;
-use reml::Residue;
 pub use result::{
     Calibration, ChannelFit, ChannelNoise, Correlation, Covariance, ParameterEstimate, RecordingUsed, Seconds, Status,
 };
-use search::Found;
 pub use series::Series;
 
-use std::time::{Duration, Instant};
-
-use crate::model::Model;
 use crate::recording::Recording;
 use crate::robot::{ChannelKind, Robot};
-use crate::solve::border::Border;
 use crate::solve::factor::SolveError;
-use crate::solve::levenberg::{Iteration, Settings};
 
 /// Why recordings cannot be calibrated.
 #[derive(Debug, thiserror::Error)]
@@ -101,6 +101,15 @@ pub enum CalibrateError {
         "the preset `paper` wants its first gyro on the body after the first joint, a revolute one, as (22) does; use the preset `default`"
     )]
     NotThePapersRobot,
+    /// The rows of `paper` are those of a rigid base and of sensors as they are.
+    #[error("effects extend the preset `default` only")]
+    ExtendsThePaper,
+    /// An effect that is not known, or that the robot cannot have.
+    #[error(transparent)]
+    Effect(#[from] crate::effect::EffectError),
+    /// An extended model that is too large.
+    #[error("the extended model does not fit: {0}")]
+    Extension(#[from] crate::model::ModelError),
     /// The solver gave up.
     #[error("the least-squares problem cannot be solved: {0}")]
     Solve(#[from] SolveError),
@@ -108,94 +117,6 @@ pub enum CalibrateError {
 
 /// Fewest samples of a recording.
 const FEWEST_SAMPLES: usize = 200;
-
-/// Relative change of the cost from which on a search ends whose weights will change anyway.
-const ROUGH: f64 = 1e-5;
-
-/// Searches at most that leave out what the one before found to be outliers.
-const MOST_SIFTINGS: usize = 3;
-
-/// Calibrates `robot` on recordings of it, by a [`Preset`] or a [`Method`]. `progress` is called once an iteration.
-///
-/// Where the noise is estimated, the problem is solved under the preset's noise, roughly, and again under the noise that was found. Lone
-/// readings far from what the model and their neighbours say are left out, unless the preset keeps all.
-///
-/// # Errors
-/// [`CalibrateError`].
-pub fn calibrate(
-    robot: &Robot,
-    recordings: &[&Recording],
-    method: impl Into<Method>,
-    settings: &Settings,
-    mut progress: impl FnMut(usize, &Iteration),
-) -> Result<Calibration, CalibrateError> {
-    let begin = Instant::now();
-    let Method { preset, noise } = method.into();
-    check(robot, recordings, preset)?;
-    let model = Model::new(robot);
-    let assumptions = preset.assumptions();
-    let screened = Screened::new(Series::of(robot, recordings), assumptions.without_outliers);
-    let mut problem = Problem::new(&model, robot, screened.series(), assumptions);
-    let structural = observability::structural(&model, robot, problem.border());
-    let clock = Instant::now();
-    let start = start::start(&model, robot, screened.series());
-    let start_seconds = clock.elapsed().as_secs_f64();
-
-    let estimated = noise == NoiseSource::Estimated;
-    let rough = Settings { relative_cost_change: settings.relative_cost_change.max(ROUGH), ..settings.clone() };
-    let first = if estimated { &rough } else { settings };
-    let mut found = search::search(&problem, robot, &start, &structural, first, &mut progress)?;
-    for _ in 0..MOST_SIFTINGS {
-        if !screened.look(&mut problem, &found.solution.point) {
-            break;
-        }
-        found = search::again(&problem, robot, (&start, found), &structural, first, &mut progress)?;
-    }
-    let by_motion = found.noise_free.clone();
-    let mut noise_clock = Duration::ZERO;
-    let mut floor = None;
-    if estimated {
-        let clock = Instant::now();
-        floor = Some(reml::estimate(&mut problem, &found.solution.point, settings.threads)?.floor);
-        noise_clock += clock.elapsed();
-        found = search::again(&problem, robot, (&start, found), &structural, settings, &mut progress)?;
-        if screened.look(&mut problem, &found.solution.point) {
-            found = search::again(&problem, robot, (&start, found), &structural, settings, &mut progress)?;
-        }
-    }
-    let clock = Instant::now();
-    let residue = reml::residue(&problem, &found.solution.point, settings.threads)?;
-    let residue = Residue { floor, ..residue };
-    noise_clock += clock.elapsed();
-    // The paper's preset shows what its noise does to the estimates.
-    if preset != Preset::Paper {
-        let by_noise = marginal::shown_by_noise(&problem, &found, &by_motion, settings.threads)?;
-        found.silent.extend(by_noise);
-    }
-    let Found { mut solution, held, silent, .. } = found;
-    observability::without_held_turns(&mut solution.point.rotations, robot, problem.border(), &held);
-    let directions: Vec<_> = held.iter().map(|held| held.direction.clone()).collect();
-    let border = Border::new(&solution.information, &solution.gradient, &directions);
-    let mut calibration = summary::summarise(robot, &problem, &start, &solution, &border, (&held, &silent), &residue);
-    calibration.preset = preset;
-    calibration.noise_source = noise;
-    for (noise, left_out) in calibration.noise.iter_mut().zip(screened.left_out()) {
-        noise.left_out = left_out;
-    }
-    calibration.recordings = recordings.iter().map(|recording| summary::used(recording)).collect();
-    if held.len() + silent.len() > structural.len() && calibration.status == Status::Converged {
-        calibration.status = Status::Unidentifiable;
-    }
-    calibration.seconds = Seconds {
-        start: start_seconds,
-        noise: noise_clock.as_secs_f64(),
-        linearise: solution.seconds.linearise,
-        factor: solution.seconds.factor,
-        solve: solution.seconds.solve,
-        total: begin.elapsed().as_secs_f64(),
-    };
-    Ok(calibration)
-}
 
 /// The columns of a table with so many inputs and these channels.
 fn columns(inputs: usize, channels: &[crate::robot::Channel]) -> String {

@@ -32,8 +32,23 @@ impl Noise {
     pub fn assumed(robot: &Robot, model: &Model, series: &Series, assumptions: &Assumptions) -> Self {
         Noise {
             channels: series.channels.iter().map(|channel| channel.sigma).collect(),
-            process: by_component(model.layout(), assumptions.process.over(robot.sample_period_s)),
+            process: by_component(model, assumptions.process.over(robot.sample_period_s)),
         }
+    }
+
+    /// This noise of a model with the components of `from` for one with those of `to`: of the sensors and of the robot's own joints it is the
+    /// same; what else `to` has keeps `assumed`.
+    pub(super) fn carried(&self, from: &Layout, to: &Layout, assumed: Noise) -> Self {
+        let mut process = assumed.process;
+        for i in 0..to.joints() {
+            process[to.q(i)] = self.process[from.q(i)];
+            process[to.qd(i)] = self.process[from.qd(i)];
+            if to.is_elastic(i) {
+                process[to.theta(i)] = self.process[from.theta(i)];
+                process[to.thetad(i)] = self.process[from.thetad(i)];
+            }
+        }
+        Noise { channels: self.channels.clone(), process }
     }
 
     /// Least standard deviations that make sense at `point`: of a step, the integrator's own error (root mean square of one step less two
@@ -45,6 +60,7 @@ impl Noise {
         let mut stepper = Stepper::new(problem.assumptions.integrator);
         let (mut whole, mut half, mut halves) = (vec![0.0; size], vec![0.0; size], vec![0.0; size]);
         let mut squares = vec![0.0; size];
+        let mut late: [Vec<f64>; 2] = Default::default();
         let mut count = 0usize;
         let mut period_s = 0.0;
         for k in (0..series.stages()).step_by((series.stages() / STEPS_LOOKED_AT).max(1)) {
@@ -52,10 +68,10 @@ impl Noise {
             if duration_s.is_nan() {
                 continue;
             }
-            let u = series.input(k);
-            stepper.step(&point.dynamics, point.state(k), u, duration_s, &mut whole);
-            stepper.step(&point.dynamics, point.state(k), u, 0.5 * duration_s, &mut half);
-            stepper.step(&point.dynamics, &half, u, 0.5 * duration_s, &mut halves);
+            let input = problem.input(point, k, &mut late);
+            stepper.step(&point.dynamics, point.state(k), input, duration_s, &mut whole);
+            stepper.step(&point.dynamics, point.state(k), input, 0.5 * duration_s, &mut half);
+            stepper.step(&point.dynamics, &half, input, 0.5 * duration_s, &mut halves);
             for (square, (a, b)) in squares.iter_mut().zip(whole.iter().zip(&halves)) {
                 *square += (a - b) * (a - b);
             }
@@ -77,11 +93,11 @@ impl Noise {
             let least = POSITION_PER_SPEED * period_s * self.process[speed].max(LEAST_SPEED);
             self.process[position] = self.process[position].max(least);
         };
-        for i in 0..layout.joints() {
-            join(layout.q(i), layout.qd(i));
-            if layout.is_elastic(i) {
-                join(layout.theta(i), layout.thetad(i));
-            }
+        for i in 0..layout.chain() {
+            join(i, layout.chain() + i);
+        }
+        for i in (0..layout.joints()).filter(|&i| layout.is_elastic(i)) {
+            join(layout.theta(i), layout.thetad(i));
         }
         for sigma in &mut self.process {
             *sigma = sigma.max(LEAST_SPEED * POSITION_PER_SPEED * period_s);
@@ -94,22 +110,30 @@ impl Noise {
 const LEAST_SPEED: f64 = 1e-6;
 
 /// A value for every state component.
-fn by_component(layout: &Layout, noise: ProcessNoise) -> Vec<f64> {
+fn by_component(model: &Model, noise: ProcessNoise) -> Vec<f64> {
+    let layout = model.layout();
     let mut values = vec![0.0; layout.size()];
-    for i in 0..layout.joints() {
-        values[layout.q(i)] = noise.position;
-        values[layout.qd(i)] = noise.link_speed;
-        if layout.is_elastic(i) {
-            values[layout.theta(i)] = noise.position;
-            values[layout.thetad(i)] = noise.motor_speed;
-        }
+    for (i, sigma) in layout.own().zip(model.own_sigma()) {
+        values[i] = noise.own * sigma;
+    }
+    for i in 0..layout.chain() {
+        values[i] = noise.position;
+        values[layout.chain() + i] = noise.link_speed;
+    }
+    for i in (0..layout.joints()).filter(|&i| layout.is_elastic(i)) {
+        values[layout.theta(i)] = noise.position;
+        values[layout.thetad(i)] = noise.motor_speed;
     }
     values
 }
 
-/// Names and units of state components in results, as `process.qd[2]`.
+/// Names and units of state components in results, as `process.qd[2]`; `passive` are joints and `own` are states that effects bring.
 pub(super) fn process_names(robot: &Robot, layout: &Layout) -> Vec<(String, &'static str)> {
-    let mut names = vec![(String::new(), ""); layout.size()];
+    let mut names: Vec<_> = (0..layout.size()).map(|i| (format!("process.own[{}]", i + 1), "")).collect();
+    for (place, i) in layout.passive().enumerate() {
+        names[i] = (format!("process.passive.q[{}]", place + 1), "rad");
+        names[layout.chain() + i] = (format!("process.passive.qd[{}]", place + 1), "rad/s");
+    }
     for (i, joint) in robot.joints.iter().enumerate() {
         let units = match joint.kind {
             JointKind::Revolute => ["rad", "rad/s"],

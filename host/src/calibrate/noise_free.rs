@@ -47,6 +47,7 @@ impl<'m> NoiseFree<'m> {
         let mut free = NoiseFree { point: point.clone(), joints: vec![Moved::default(); n] };
         let mut stepper = Stepper::new(problem.assumptions.integrator);
         let (mut x, mut next) = (vec![0.0; size], vec![0.0; size]);
+        let mut late_input = [Vec::new(), Vec::new()];
         for (recording, stages) in series.recordings.iter().enumerate() {
             let mut step_s = stages.clone().map(|k| series.duration_s(k)).find(|s| s.is_finite()).unwrap_or(0.0);
             for k in stages.clone() {
@@ -54,7 +55,8 @@ impl<'m> NoiseFree<'m> {
                 if k == stages.start {
                     first_state(problem, point, recording, &mut x);
                 } else {
-                    stepper.step(&point.dynamics, &x, series.input(k - 1), step_s, &mut next);
+                    let input = problem.input(point, k - 1, &mut late_input);
+                    stepper.step(&point.dynamics, &x, input, step_s, &mut next);
                     std::mem::swap(&mut x, &mut next);
                     for i in 0..n {
                         let by = if layout.is_elastic(i) { layout.theta(i) } else { layout.q(i) };
@@ -100,8 +102,8 @@ fn first_state(problem: &Problem<'_>, point: &Point<'_>, recording: usize, x: &m
             *mean += value / rest.len() as f64;
         }
     }
+    x[layout.chain()..2 * layout.chain()].fill(0.0);
     for i in 0..layout.joints() {
-        x[layout.qd(i)] = 0.0;
         if layout.is_elastic(i) {
             x[layout.thetad(i)] = 0.0;
         }

@@ -106,7 +106,7 @@ pub(super) fn structural(model: &Model, robot: &Robot, border: &BorderLayout) ->
         if !spec.rotation_free {
             held.extend((0..3).map(|i| Held::of_gyro(fixed(i), String::new())));
         } else {
-            let spanned = spanned_rates(model, robot, spec.body);
+            let spanned = spanned_rates(model, robot, model.body(spec.body));
             let eigen = spanned.symmetric_eigen();
             let mut order = [0, 1, 2];
             order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
@@ -141,23 +141,22 @@ pub(super) fn structural(model: &Model, robot: &Robot, border: &BorderLayout) ->
 
 /// Σ ω ωᵀ of the body over unit speeds of every joint, at positions spread over the joints' ranges.
 fn spanned_rates(model: &Model, robot: &Robot, body: usize) -> Matrix3<f64> {
-    let n = robot.joints.len();
+    // Passive joints move a little.
+    const PASSIVE_RAD: f64 = 0.05;
+    let m = model.layout().chain();
     let mut frame = SensorFrame::default();
     let mut sum = Matrix3::zeros();
     for sample in 0..8 {
         // Corners and inner points of the ranges, another share of the range for each joint.
-        let q: Vec<f64> = robot
-            .joints
-            .iter()
-            .enumerate()
-            .map(|(j, joint)| {
-                let share = ((sample * (2 * j + 3)) % 8) as f64 / 7.0;
-                joint.limits[0] + share * (joint.limits[1] - joint.limits[0])
-            })
-            .collect();
-        frame.linearise(model.chain(), &q, &vec![0.0; n]);
-        for joint in 0..n {
-            let rate = frame.slope(body, n + joint);
+        let mut q = vec![0.0; m];
+        let share = |j: usize| ((sample * (2 * j + 3)) % 8) as f64 / 7.0;
+        for (j, joint) in robot.joints.iter().enumerate() {
+            q[model.layout().q(j)] = joint.limits[0] + share(j) * (joint.limits[1] - joint.limits[0]);
+        }
+        model.layout().passive().for_each(|i| q[i] = PASSIVE_RAD * (2.0 * share(i) - 1.0));
+        frame.linearise(model.chain(), &q, &vec![0.0; m]);
+        for joint in 0..m {
+            let rate = frame.slope(body, m + joint);
             sum += rate * rate.transpose();
         }
     }
@@ -177,14 +176,31 @@ pub(super) fn named(direction: &[f64], names: &[String]) -> Vec<(String, f64)> {
     shares
 }
 
-/// The Jacobian of physical parameters by the border's unknowns, square: rotations and biases are their own.
+/// The Jacobian of the physical parameters by the border's unknowns, square: those of laws, rotations and biases are their own.
 pub(super) fn physical_slopes(model: &Model, z: &[f64], border: &BorderLayout) -> DMatrix<f64> {
     let mut slopes = DMatrix::identity(border.size(), border.size());
-    for i in 0..border.dynamics {
+    for i in 0..model.coordinates().iter().count() {
         slopes[(i, i)] = 0.0;
         for (column, slope) in model.coordinates().physical_and_slopes(z, i).1 {
             slopes[(i, column)] += slope;
         }
+    }
+    slopes
+}
+
+/// The Jacobian of the results by the border's unknowns. Rotations and biases are their own; the dynamics have as many results as
+/// [`Coordinates::results`](crate::model::Coordinates::results) says.
+pub(super) fn result_slopes(model: &Model, z: &[f64], border: &BorderLayout) -> DMatrix<f64> {
+    let results = model.coordinates().results();
+    let rest = border.size() - border.dynamics;
+    let mut slopes = DMatrix::zeros(results + rest, border.size());
+    for i in 0..results {
+        for (column, slope) in model.coordinates().physical_and_slopes(z, i).1 {
+            slopes[(i, column)] += slope;
+        }
+    }
+    for i in 0..rest {
+        slopes[(results + i, border.dynamics + i)] = 1.0;
     }
     slopes
 }

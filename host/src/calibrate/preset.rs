@@ -77,6 +77,8 @@ pub struct ProcessNoise {
     pub link_speed: f64,
     /// θ̇, rad/s or m/s.
     pub motor_speed: f64,
+    /// States that laws of effects have of their own: times what the law says.
+    pub own: f64,
 }
 
 /// The step that process noise is told for: the paper's sample period, s.
@@ -90,6 +92,7 @@ impl ProcessNoise {
             position: scale * self.position,
             link_speed: scale * self.link_speed,
             motor_speed: scale * self.motor_speed,
+            own: scale * self.own,
         }
     }
 }
@@ -101,10 +104,14 @@ pub struct InitialNoise {
     pub windup: f64,
     /// q̇ and θ̇ at rest, rad/s or m/s.
     pub speed: f64,
+    /// States that laws of effects have of their own, in their units.
+    pub own: f64,
+    /// The same at rest.
+    pub own_at_rest: f64,
 }
 
 /// Equation (36): √ of the printed variances.
-const PAPER_PROCESS: ProcessNoise = ProcessNoise { position: 1e-6, link_speed: 0.011, motor_speed: 0.0083 };
+const PAPER_PROCESS: ProcessNoise = ProcessNoise { position: 1e-6, link_speed: 0.011, motor_speed: 0.0083, own: 1.0 };
 
 /// How much tighter the default preset takes the speeds' process noise. The paper's lets the states swallow gyro noise, and μ comes out 24 to
 /// 30 % low on a record without any effect. With this one every dynamic parameter of that record is found within 0.03 %, and χ² per degree of freedom
@@ -112,7 +119,7 @@ const PAPER_PROCESS: ProcessNoise = ProcessNoise { position: 1e-6, link_speed: 0
 const TIGHTER: f64 = 100.0;
 
 /// Equation (37): √0.0076 rad (5°), and σ_encoder of the paper for the speeds.
-const PAPER_INITIAL: InitialNoise = InitialNoise { windup: 0.087_178, speed: 6.9259e-5 };
+const PAPER_INITIAL: InitialNoise = InitialNoise { windup: 0.087_178, speed: 6.9259e-5, own: 10.0, own_at_rest: 1e-2 };
 
 impl Preset {
     /// What the preset assumes.
@@ -125,6 +132,7 @@ impl Preset {
                     position: PAPER_PROCESS.position,
                     link_speed: PAPER_PROCESS.link_speed / TIGHTER,
                     motor_speed: PAPER_PROCESS.motor_speed / TIGHTER,
+                    own: 1.0,
                 },
                 initial: PAPER_INITIAL,
                 without_outliers: true,

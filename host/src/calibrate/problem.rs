@@ -20,8 +20,8 @@ use super::row::{Depends, InitialRow, Row};
 use super::series::Series;
 use super::wide::Wide;
 use crate::model::fast::Fast;
-use crate::model::{Linear, Model, SensorFrame, StepSlopes, Stepper};
-use crate::robot::{ChannelKind, Robot};
+use crate::model::{Linear, Model, SensorFrame, SensorLaws, StepSlopes, Stepper};
+use crate::robot::{ChannelKind, Robot, Side};
 use crate::solve::{LeastSquares, Shape, Stage, Step};
 
 /// A recording (or several) under a model.
@@ -38,6 +38,8 @@ pub struct Problem<'m> {
     pub(super) process_weight: Vec<f64>,
     /// Whether a channel is read after the tick's start, so that rows need the accelerations.
     late: bool,
+    /// Laws of effects that change what sensors read.
+    pub(super) sensor_laws: SensorLaws,
     /// The kernel that makes four stages at once, where it covers the model and all readings are taken at the tick.
     pub(super) fast: Option<Fast>,
 }
@@ -57,6 +59,10 @@ pub(super) struct ScalarRow {
     pub component: usize,
     pub offset_s: f64,
     pub weight: f64,
+    /// Joint and side of a position.
+    pub position: Option<(usize, Side)>,
+    /// The reading is that of so many samples later.
+    pub shift: i32,
 }
 
 /// A gyro: three channels.
@@ -79,19 +85,25 @@ impl RowPlan {
         for (channel, spec) in series.channels.iter().enumerate() {
             let offset_s = if gyro_rows == GyroRows::Chained { 0.0 } else { spec.offset_s };
             let weight = 1.0 / spec.sigma;
-            let component = match spec.kind {
-                ChannelKind::MotorPosition { joint } => layout.theta(joint),
-                ChannelKind::LinkPosition { joint } => layout.q(joint),
-                ChannelKind::MotorSpeed { joint } => layout.thetad(joint),
-                ChannelKind::LinkSpeed { joint } => layout.qd(joint),
+            let (component, position) = match spec.kind {
+                ChannelKind::MotorPosition { joint } => (layout.theta(joint), Some((joint, Side::Motor))),
+                ChannelKind::LinkPosition { joint } => (layout.q(joint), Some((joint, Side::Link))),
+                ChannelKind::MotorSpeed { joint } => (layout.thetad(joint), None),
+                ChannelKind::LinkSpeed { joint } => (layout.qd(joint), None),
                 ChannelKind::GyroAxis { gyro, body, axis } => {
                     if axis == 0 {
-                        plan.gyros.push(GyroRow { channel, gyro, body, offset_s, weight: [weight; 3] });
+                        plan.gyros.push(GyroRow {
+                            channel,
+                            gyro,
+                            body: model.body(body),
+                            offset_s,
+                            weight: [weight; 3],
+                        });
                     }
                     continue;
                 }
             };
-            plan.scalars.push(ScalarRow { channel, component, offset_s, weight });
+            plan.scalars.push(ScalarRow { channel, component, offset_s, weight, position, shift: 0 });
         }
         plan
     }
@@ -106,6 +118,8 @@ pub struct Scratch {
     pub(super) next: Vec<f64>,
     /// State and its derivative at the instant of a reading.
     pub(super) at: Vec<f64>,
+    /// The inputs where they are late, and their derivatives.
+    late_input: [Vec<f64>; 2],
     pub(super) wide: Wide,
 }
 
@@ -121,9 +135,19 @@ impl<'m> Problem<'m> {
         let rows = RowPlan::of(series, model, assumptions.gyro_rows);
         let late = rows.scalars.iter().any(|r| r.offset_s != 0.0) || rows.gyros.iter().any(|r| r.offset_s != 0.0);
         let fast = if late { None } else { Fast::of(model) };
-        let process_weight = Vec::new();
-        let mut problem =
-            Problem { model, series, assumptions, border, rows, noise: noise.clone(), process_weight, late, fast };
+        let sensor_laws = SensorLaws::of(model, border.gyros);
+        let mut problem = Problem {
+            model,
+            series,
+            assumptions,
+            border,
+            rows,
+            noise: noise.clone(),
+            process_weight: Vec::new(),
+            late,
+            sensor_laws,
+            fast,
+        };
         problem.set_noise(noise);
         problem
     }
@@ -145,7 +169,7 @@ impl<'m> Problem<'m> {
         for k in 0..self.series.stages() {
             let measured = self.series.measured(k);
             let finite = |gyro: &GyroRow| (0..3).filter(|axis| measured[gyro.channel + axis].is_finite()).count();
-            count += self.rows.scalars.iter().filter(|row| measured[row.channel].is_finite()).count();
+            count += self.rows.scalars.iter().filter(|row| self.reading(k, row).is_finite()).count();
             match (self.assumptions.gyro_rows, self.rows.gyros.split_first()) {
                 (GyroRows::Chained, Some((base, others))) => {
                     if finite(base) == 3 {
@@ -187,23 +211,28 @@ impl<'m> Problem<'m> {
         row: &mut impl FnMut(Row<'_>),
     ) {
         let x = point.state(k);
-        let measured = self.series.measured(k);
         if self.late {
+            let Scratch { linear, late_input, .. } = &mut *scratch;
+            let input = self.input(point, k, late_input);
             if with_slopes {
-                point.dynamics.linearise(x, self.series.input(k), &mut scratch.linear);
+                point.dynamics.linearise(x, input, linear);
             } else {
-                scratch.linear.xdot.resize(x.len(), 0.0);
-                point.dynamics.derivative(x, self.series.input(k), &mut scratch.linear.xdot);
+                linear.xdot.resize(x.len(), 0.0);
+                point.dynamics.derivative(x, input, &mut linear.xdot);
             }
         }
         for scalar in &self.rows.scalars {
-            let value = measured[scalar.channel];
+            let value = self.reading(k, scalar);
             if value.is_nan() {
                 continue;
             }
             let mut predicted = x[scalar.component];
             if scalar.offset_s != 0.0 {
                 predicted += scalar.offset_s * scratch.linear.xdot[scalar.component];
+            }
+            if let Some(position) = self.law_sees(scalar) {
+                self.position_row(point, k, (scalar, position, value), scratch, row);
+                continue;
             }
             row(Row {
                 channel: Some(scalar.channel),
@@ -228,7 +257,7 @@ impl<'m> Problem<'m> {
         with_slopes: bool,
         row: &mut impl FnMut(Row<'_>),
     ) {
-        let n = self.model.layout().joints();
+        let n = self.model.layout().chain();
         let x = point.state(k);
         let measured = self.series.measured(k);
         let recording = self.series.recording_of(k);
@@ -254,6 +283,10 @@ impl<'m> Problem<'m> {
                 } else {
                     frame.rates(self.model.chain(), q, qd);
                 }
+            }
+            if self.law_sees_gyro(gyro.gyro) {
+                self.gyro_law_rows(point, k, (gyro, &value), (scratch, with_slopes), row);
+                continue;
             }
             let rotation = &point.rotations[gyro.gyro];
             let (predicted, slopes) = scratch.frame.gyro(gyro.body, rotation, &point.biases[recording][gyro.gyro]);
@@ -296,21 +329,18 @@ impl<'m> Problem<'m> {
                 gradient: [(q, 1.0 / noise.windup), (theta, -1.0 / noise.windup)],
             });
         }
+        let mut about_zero = |component: usize, sigma: f64| {
+            row(InitialRow { residual: x[component] / sigma, gradient: [(component, 1.0 / sigma), (component, 0.0)] });
+        };
+        layout.passive().for_each(|i| about_zero(i, noise.windup));
         let recording = self.series.recording_of(k);
         let rest = &self.series.rest[recording];
-        if rest.start == k && rest.len() >= SHORTEST_REST {
-            for i in 0..layout.joints() {
-                let mut at_rest = |speed: usize| {
-                    row(InitialRow {
-                        residual: x[speed] / noise.speed,
-                        gradient: [(speed, 1.0 / noise.speed), (speed, 0.0)],
-                    });
-                };
-                at_rest(layout.qd(i));
-                if layout.is_elastic(i) {
-                    at_rest(layout.thetad(i));
-                }
-            }
+        let at_rest = rest.start == k && rest.len() >= SHORTEST_REST;
+        layout.own().for_each(|i| about_zero(i, if at_rest { noise.own_at_rest } else { noise.own }));
+        if at_rest {
+            (0..layout.chain()).for_each(|i| about_zero(layout.chain() + i, noise.speed));
+            let elastic = (0..layout.joints()).filter(|&i| layout.is_elastic(i));
+            elastic.for_each(|i| about_zero(layout.thetad(i), noise.speed));
         }
     }
 }
@@ -321,16 +351,17 @@ pub(super) const SHORTEST_REST: usize = 100;
 impl<'m> Problem<'m> {
     /// Fills one stage by the generic walk.
     fn linearise_stage(&self, point: &Point<'m>, k: usize, scratch: &mut Scratch, stage: &mut Stage) {
-        let (size, joints) = (self.model.layout().size(), self.model.layout().joints());
+        let (size, joints) = (self.model.layout().size(), self.model.layout().chain());
         stage.clear();
         self.sensor_rows(point, k, scratch, true, &mut |row| row.push(size, joints, stage));
         self.initial_rows(point, k, &mut |row| row.push(stage));
         if !self.linked(k) {
             return;
         }
-        let Scratch { stepper, slopes, .. } = scratch;
+        let Scratch { stepper, slopes, late_input, .. } = scratch;
         let duration_s = self.series.duration_s(k);
-        stepper.step_slopes(&point.dynamics, point.state(k), self.series.input(k), duration_s, slopes);
+        let input = self.input(point, k, late_input);
+        stepper.step_slopes(&point.dynamics, point.state(k), input, duration_s, slopes);
         let columns = point.dynamics.columns();
         let after = point.state(k + 1);
         for (i, &weight) in self.process_weight.iter().enumerate() {
@@ -351,9 +382,10 @@ impl<'m> Problem<'m> {
         self.sensor_rows(point, k, scratch, false, &mut |row| sum += (row.weight * row.residual).powi(2));
         self.initial_rows(point, k, &mut |row| sum += row.residual * row.residual);
         if self.linked(k) {
-            let Scratch { stepper, next, .. } = scratch;
+            let Scratch { stepper, next, late_input, .. } = scratch;
             let duration_s = self.series.duration_s(k);
-            stepper.step(&point.dynamics, point.state(k), self.series.input(k), duration_s, next);
+            let input = self.input(point, k, late_input);
+            stepper.step(&point.dynamics, point.state(k), input, duration_s, next);
             for ((next, after), weight) in next.iter().zip(point.state(k + 1)).zip(&self.process_weight) {
                 sum += (weight * (next - after)).powi(2);
             }
@@ -379,6 +411,7 @@ impl<'m> LeastSquares for Problem<'m> {
             frame: SensorFrame::default(),
             next: vec![0.0; self.model.layout().size()],
             at: Vec::new(),
+            late_input: [Vec::new(), Vec::new()],
             wide: Wide::default(),
         }
     }
@@ -389,7 +422,7 @@ impl<'m> LeastSquares for Problem<'m> {
             stage: self.model.layout().size(),
             border: self.border.size(),
             leading: self.border.dynamics,
-            sensed: 2 * self.model.layout().joints(),
+            sensed: 2 * self.model.layout().chain(),
         }
     }
 

@@ -41,8 +41,10 @@ pub(super) enum Depends<'a> {
         rotation: usize,
         by_rotation: [f64; 3],
     },
-    /// Anything else, written out: (state component, slope) and (border column, slope).
+    /// Anything else that depends on what sensors see, written out: (state component, slope) and (border column, slope).
     Listed { states: &'a [(usize, f64)], border: &'a [(usize, f64)] },
+    /// Anything at all, `offset_s` later.
+    Free { states: &'a [(usize, f64)], offset_s: f64, border: &'a [(usize, f64)] },
 }
 
 impl Row<'_> {
@@ -50,9 +52,8 @@ impl Row<'_> {
     pub(super) fn kind(&self) -> usize {
         match self.depends {
             Depends::Component { offset_s: 0.0, .. } => 0,
-            Depends::Component { .. } => 2,
             Depends::BodyRate { offset_s: 0.0, .. } | Depends::Listed { .. } => 1,
-            Depends::BodyRate { .. } => 2,
+            Depends::Component { .. } | Depends::BodyRate { .. } | Depends::Free { .. } => 2,
         }
     }
 
@@ -75,6 +76,15 @@ impl Row<'_> {
                 row.add_shared(bias, weight);
                 for (axis, slope) in by_rotation.into_iter().enumerate() {
                     row.add_shared(rotation + axis, weight * slope);
+                }
+            }
+            Depends::Free { states, offset_s, border } => {
+                let mut row = stage.row(residual);
+                for &(component, slope) in states {
+                    self.add_later(weight * slope, component, offset_s, size, &mut row);
+                }
+                for &(column, slope) in border {
+                    row.add_shared(column, weight * slope);
                 }
             }
             Depends::Listed { states, border } => {

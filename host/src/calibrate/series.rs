@@ -20,6 +20,10 @@ pub struct Series {
     input: Vec<f64>,
     /// Time to the next stage, s; NaN where the chain breaks.
     duration_s: Vec<f64>,
+    /// Since the start of the recording, s.
+    time_s: Vec<f64>,
+    /// Nominal time between samples, s.
+    pub period_s: f64,
     /// Which stages each recording has.
     pub recordings: Vec<Range<usize>>,
     /// Runs of stages without a gap.
@@ -48,6 +52,8 @@ impl Series {
             measured: Vec::with_capacity(stages * channels.len()),
             input: Vec::with_capacity(stages * joints),
             duration_s: Vec::with_capacity(stages),
+            time_s: Vec::with_capacity(stages),
+            period_s: robot.sample_period_s,
             recordings: Vec::new(),
             segments: Vec::new(),
             rest: Vec::new(),
@@ -72,6 +78,7 @@ impl Series {
                 let last = k + 1 == segment.end;
                 let step_us = if last { f64::NAN } else { (recording.t_us[k + 1] - recording.t_us[k]) as f64 };
                 self.duration_s.push(step_us * 1e-6);
+                self.time_s.push((recording.t_us[k] - recording.t_us[0]) as f64 * 1e-6);
                 at_rest += usize::from(rest.contains(&k));
             }
             self.segments.push(start..self.stages());
@@ -82,7 +89,7 @@ impl Series {
 
     /// About so many stages in so many windows spread over all recordings, with the start of their rest, as a series of their own; none
     /// where that would be more than a third of them.
-    pub(super) fn excerpt(&self, samples: usize, windows: usize) -> Option<Series> {
+    pub fn excerpt(&self, samples: usize, windows: usize) -> Option<Series> {
         let (whole, length) = (self.stages(), samples / windows);
         if whole < 3 * samples {
             return None;
@@ -91,6 +98,8 @@ impl Series {
             measured: Vec::with_capacity(2 * samples * self.channels.len()),
             input: Vec::with_capacity(2 * samples * self.joints),
             duration_s: Vec::with_capacity(2 * samples),
+            time_s: Vec::with_capacity(2 * samples),
+            period_s: self.period_s,
             recordings: Vec::new(),
             segments: Vec::new(),
             rest: Vec::new(),
@@ -132,6 +141,7 @@ impl Series {
             self.measured.extend_from_slice(&from.measured[run.start * channels..run.end * channels]);
             self.input.extend_from_slice(&from.input[run.start * self.joints..run.end * self.joints]);
             self.duration_s.extend_from_slice(&from.duration_s[run.clone()]);
+            self.time_s.extend_from_slice(&from.time_s[run.clone()]);
             if let Some(last) = self.duration_s.last_mut() {
                 *last = f64::NAN;
             }
@@ -150,6 +160,8 @@ impl Series {
             input: (0..stages * joints)
                 .map(|i| if i < rest * joints { 0.0 } else { rng.random_range(-0.9..0.9) })
                 .collect(),
+            time_s: (0..stages).map(|k| 1e-3 * k as f64).collect(),
+            period_s: 1e-3,
             duration_s: (0..stages).map(|k| if k + 1 < stages { 1e-3 } else { f64::NAN }).collect(),
             recordings: std::iter::once(0..stages).collect(),
             segments: std::iter::once(0..stages).collect(),
@@ -208,6 +220,23 @@ impl Series {
         let mut durations: Vec<f64> = self.duration_s.iter().copied().filter(|duration| !duration.is_nan()).collect();
         durations.sort_by(f64::total_cmp);
         durations.get(durations.len() / 2).copied().unwrap_or(f64::NAN)
+    }
+
+    /// Time of stage k since the start of its recording, s.
+    pub fn time_s(&self, k: usize) -> f64 {
+        self.time_s[k]
+    }
+
+    /// The stage `samples` after stage k, if it belongs to the same run.
+    pub fn beside(&self, k: usize, samples: i32) -> Option<usize> {
+        let run = &self.segments[self.segments.partition_point(|run| run.end <= k)];
+        k.checked_add_signed(samples as isize).filter(|k| run.contains(k))
+    }
+
+    /// The stage `samples` after stage k, or the last of its run on the way there.
+    pub fn nearest(&self, k: usize, samples: i32) -> usize {
+        let run = &self.segments[self.segments.partition_point(|run| run.end <= k)];
+        k.saturating_add_signed(samples as isize).clamp(run.start, run.end - 1)
     }
 
     /// Whether stage k is the first of a run.

@@ -87,7 +87,7 @@ fn biases_at_rest(robot: &Robot, series: &Series, recording: usize) -> Vec<Vecto
 /// One run of stages without a gap.
 fn fill_run(model: &Model, series: &Series, run: std::ops::Range<usize>, point: &mut Point<'_>) {
     let layout = model.layout();
-    let (n, size) = (layout.joints(), layout.size());
+    let (n, m, size) = (layout.joints(), layout.chain(), layout.size());
     let joint_channels = |wanted: fn(ChannelKind) -> Option<usize>| -> Vec<Option<usize>> {
         let mut found = vec![None; n];
         for (channel, spec) in series.channels.iter().enumerate() {
@@ -105,6 +105,14 @@ fn fill_run(model: &Model, series: &Series, run: std::ops::Range<usize>, point: 
         ChannelKind::LinkPosition { joint } => Some(joint),
         _ => None,
     });
+    let lagging: Vec<(usize, usize)> = series
+        .channels
+        .iter()
+        .filter_map(|channel| match channel.kind {
+            ChannelKind::GyroAxis { gyro, body, axis: 0 } => Some((model.lagging(gyro)?, model.body(body))),
+            _ => None,
+        })
+        .collect();
     let zeros = || vec![0.0; run.len()];
     let columns = |channels: &[Option<usize>], other: &[Option<usize>]| -> Vec<Vec<f64>> {
         (0..n).map(|j| channels[j].or(other[j]).map_or_else(zeros, |c| column(series, run.clone(), c))).collect()
@@ -118,28 +126,45 @@ fn fill_run(model: &Model, series: &Series, run: std::ops::Range<usize>, point: 
     let measured_q = columns(&link, &motor);
     let measured_qd = speeds(&measured_q, &link, &motor);
 
+    let passive: Vec<usize> = layout.passive().collect();
+    // Windups of the robot's joints; positions of passive ones, which rest at zero.
     let mut windup = vec![0.0; n];
-    let [mut theta_k, mut thetad_k, mut q_k, mut qd] = [0; 4].map(|_| vec![0.0; n]);
+    let mut tilt = vec![0.0; passive.len()];
+    let (mut q_k, mut qd) = (vec![0.0; m], vec![0.0; m]);
     for (i, k) in run.clone().enumerate() {
-        for (to, from) in
-            [(&mut theta_k, &theta), (&mut thetad_k, &thetad), (&mut q_k, &measured_q), (&mut qd, &measured_qd)]
-        {
-            for (to, column) in to.iter_mut().zip(from) {
-                *to = column[i];
-            }
+        for j in 0..n {
+            q_k[layout.q(j)] = measured_q[j][i];
+            qd[layout.q(j)] = measured_qd[j][i];
+        }
+        for (joint, tilt) in passive.iter().zip(&tilt) {
+            q_k[*joint] = *tilt;
+            qd[*joint] = 0.0;
         }
         link_speeds(model, series, k, &q_k, point, &mut qd);
         let step_s = if k + 1 < run.end { series.duration_s(k) } else { 0.0 };
         let state = &mut point.states[k * size..(k + 1) * size];
         for j in 0..n {
             let elastic = layout.is_elastic(j);
-            let speed = if elastic { qd[j] } else { thetad_k[j] };
-            state[layout.q(j)] = if link[j].is_some() { q_k[j] } else { theta_k[j] + windup[j] };
+            let speed = if elastic { qd[layout.q(j)] } else { thetad[j][i] };
+            state[layout.q(j)] = if link[j].is_some() { measured_q[j][i] } else { theta[j][i] + windup[j] };
             state[layout.qd(j)] = speed;
             if elastic {
-                state[layout.theta(j)] = theta_k[j];
-                state[layout.thetad(j)] = thetad_k[j];
-                windup[j] += step_s * (speed - thetad_k[j] - windup[j] / LEAK_S);
+                state[layout.theta(j)] = theta[j][i];
+                state[layout.thetad(j)] = thetad[j][i];
+                windup[j] += step_s * (speed - thetad[j][i] - windup[j] / LEAK_S);
+            }
+        }
+        for (joint, tilt) in passive.iter().zip(&mut tilt) {
+            state[*joint] = *tilt;
+            state[m + joint] = qd[*joint];
+            *tilt += step_s * (qd[*joint] - *tilt / LEAK_S);
+        }
+        if !lagging.is_empty() {
+            let mut rates = [[0.0; 3]; MAX_JOINTS];
+            model.chain().body_rates(&state[..m], &state[m..2 * m], &mut rates[..m]);
+            for (first, body) in &lagging {
+                // A gyro that lags by a few samples is near where its body is.
+                state[*first..first + 3].copy_from_slice(&rates[*body]);
             }
         }
     }
@@ -165,6 +190,7 @@ fn link_speeds(model: &Model, series: &Series, k: usize, q: &[f64], point: &Poin
     let biases = &point.biases[series.recording_of(k)];
     for (channel, spec) in series.channels.iter().enumerate() {
         let ChannelKind::GyroAxis { gyro, body, axis } = spec.kind else { continue };
+        let body = model.body(body);
         if !measured[channel].is_finite() {
             continue;
         }

@@ -43,7 +43,7 @@ pub(super) fn used(recording: &Recording) -> RecordingUsed {
     }
 }
 
-/// A name, unit, start value and estimate for every column of the border.
+/// A name, unit, start value and estimate for every result.
 struct Column {
     name: String,
     unit: &'static str,
@@ -55,9 +55,9 @@ fn columns(problem: &Problem<'_>, robot: &Robot, start: &Point<'_>, end: &Point<
     let coordinates = problem.model.coordinates();
     let (initial, estimate) = (coordinates.to_physical(&start.z), coordinates.to_physical(&end.z));
     let mut columns: Vec<Column> = coordinates
-        .iter()
+        .names()
         .zip(initial.into_iter().zip(estimate))
-        .map(|(c, (initial, estimate))| Column { name: c.spec.name.clone(), unit: c.spec.unit, initial, estimate })
+        .map(|((name, unit), (initial, estimate))| Column { name: name.to_string(), unit, initial, estimate })
         .collect();
     for (gyro, spec) in robot.gyros().enumerate() {
         let nominal = nalgebra::Matrix3::from_fn(|i, j| spec.rotation[i][j]);
@@ -81,15 +81,17 @@ fn columns(problem: &Problem<'_>, robot: &Robot, start: &Point<'_>, end: &Point<
     columns
 }
 
-/// The covariance of the physical parameters: of the rotations relative to their nominal values too. There a turn that is hardly known about
-/// one axis reaches the others.
+/// The covariance of the results: of the rotations relative to their nominal values too. There a turn that is hardly known about one axis
+/// reaches the others.
 fn physical_covariance(robot: &Robot, problem: &Problem<'_>, end: &Point<'_>, border: &Border) -> Option<DMatrix<f64>> {
-    let mut slopes = observability::physical_slopes(problem.model, &end.z, problem.border());
+    let layout = problem.border();
+    let mut slopes = observability::result_slopes(problem.model, &end.z, layout);
+    let results = problem.model.coordinates().results();
     for (gyro, spec) in robot.gyros().enumerate() {
         let nominal = nalgebra::Matrix3::from_fn(|i, j| spec.rotation[i][j]);
         let by_turn = rotation::boxminus_slopes(&rotation::boxminus(&end.rotations[gyro], &nominal));
-        let at = problem.border().rotation(gyro);
-        slopes.fixed_view_mut::<3, 3>(at, at).copy_from(&by_turn);
+        let unknown = layout.rotation(gyro);
+        slopes.fixed_view_mut::<3, 3>(results + unknown - layout.dynamics, unknown).copy_from(&by_turn);
     }
     Some(&slopes * border.covariance()? * slopes.transpose())
 }
@@ -156,20 +158,37 @@ pub(super) fn estimates<'m>(
 ) -> Vec<ParameterEstimate> {
     let columns = columns(problem, robot, start, end);
     let covariance = physical_covariance(robot, problem, end, border);
-    let slopes = observability::physical_slopes(problem.model, &end.z, problem.border());
-    let shifts: Vec<DVector<f64>> = held.iter().map(|held| shift(held, &slopes, &columns, problem.border())).collect();
+    let slopes = observability::result_slopes(problem.model, &end.z, problem.border());
+    let results = problem.model.coordinates().results();
+    let base = problem.model.coordinates().iter().count();
+    // Where a result of rotation, bias or base model stands among the unknowns of the border.
+    let unknown = |i: usize| match i {
+        i if i < base => Some(i),
+        i if i < results => None,
+        i => Some(problem.border().dynamics + i - results),
+    };
+    let is_one_of = |list: &[&Vec<f64>], i: usize| {
+        unknown(i).is_some_and(|unknown| list.iter().any(|shares| shares[unknown] == 1.0))
+    };
+    let shifts: Vec<DVector<f64>> =
+        held.iter().map(|held| shift(held, &slopes, &columns, problem.border(), results)).collect();
     let known = held.iter().filter(|held| held.reason.is_empty()).map(|held| &held.direction).collect::<Vec<_>>();
+    let silent_shares: Vec<&Vec<f64>> = silent.iter().map(|silent| &silent.shares).collect();
     let mut estimates: Vec<_> = columns
         .into_iter()
         .enumerate()
-        .filter(|(i, _)| !known.iter().any(|direction| direction[*i] == 1.0))
+        .filter(|(i, _)| *i < results || !is_one_of(&known, *i))
         .map(|(i, mut column)| {
-            let silent = silent.iter().any(|silent| silent.shares[i] == 1.0);
+            let silent = is_one_of(&silent_shares, i);
+            let is_chosen = (0..slopes.ncols()).all(|j| slopes[(i, j)] == 0.0);
             if silent {
                 column.estimate = column.initial;
             }
             let std_error = covariance.as_ref().map(|covariance| covariance[(i, i)].max(0.0).sqrt()).filter(|error| {
-                !silent && error.is_finite() && !shifts.iter().any(|shift| shift[i].abs() > SPOILT * error)
+                !silent
+                    && !is_chosen
+                    && error.is_finite()
+                    && !shifts.iter().any(|shift| shift[i].abs() > SPOILT * error)
             });
             let interval = |error: f64| [column.estimate - NORMAL_95 * error, column.estimate + NORMAL_95 * error];
             let estimate = ParameterEstimate {
@@ -179,27 +198,35 @@ pub(super) fn estimates<'m>(
                 estimate: column.estimate,
                 ci95: std_error.map(interval),
                 std_error,
-                identifiable: std_error.is_some(),
+                // What is chosen, not fitted, has no error and is known all the same.
+                identifiable: std_error.is_some() || is_chosen,
             };
-            (place_in_results(i, problem.border()), estimate)
+            (place_in_results(i, results, problem.border()), estimate)
         })
         .collect();
     estimates.sort_by_key(|(place, _)| *place);
     estimates.into_iter().map(|(_, estimate)| estimate).collect()
 }
 
-/// Where along a held direction the truth lies nobody knows: how far does that shift the parameters at most?
-fn shift(held: &Held, slopes: &DMatrix<f64>, columns: &[Column], border: &BorderLayout) -> DVector<f64> {
+/// Where along a held direction the truth lies nobody knows: how far does that shift the results at most? The dynamics have so many results.
+fn shift(
+    held: &Held,
+    slopes: &DMatrix<f64>,
+    columns: &[Column],
+    border: &BorderLayout,
+    results: usize,
+) -> DVector<f64> {
     let mut shift = (slopes * DVector::from_column_slice(&held.direction)).abs();
     if held.convention {
         return shift;
     }
-    for at in (0..border.gyros).map(|gyro| border.rotation(gyro)) {
+    for unknown in (0..border.gyros).map(|gyro| border.rotation(gyro)) {
+        let result = results + unknown - border.dynamics;
         // Rot(δ) Rot(d) = Rot(δ + d + ½ δ × d + …): a turn about one axis changes what is told about the others.
-        let delta = Vector3::from_fn(|axis, _| columns[at + axis].estimate);
-        let turn = Vector3::from_fn(|axis, _| held.direction[at + axis]);
+        let delta = Vector3::from_fn(|axis, _| columns[result + axis].estimate);
+        let turn = Vector3::from_fn(|axis, _| held.direction[unknown + axis]);
         let by_turn = 0.5 * delta.cross(&turn).abs();
-        shift.rows_mut(at, 3).zip_apply(&by_turn, |shift, more| *shift += more);
+        shift.rows_mut(result, 3).zip_apply(&by_turn, |shift, more| *shift += more);
     }
     shift
 }
@@ -216,7 +243,7 @@ fn covariance(
     let columns = columns(problem, robot, end, end);
     let places: Vec<usize> = parameters
         .iter()
-        .filter(|parameter| parameter.identifiable)
+        .filter(|parameter| parameter.std_error.is_some())
         .filter_map(|parameter| columns.iter().position(|column| column.name == parameter.name))
         .collect();
     Covariance {
@@ -232,20 +259,30 @@ pub(super) fn unobservable<'h>(
     end: &Point<'_>,
     held: impl IntoIterator<Item = &'h Held>,
 ) -> Vec<Unobservable> {
-    let names: Vec<String> = columns(problem, robot, end, end).into_iter().map(|column| column.name).collect();
+    let coordinates = problem.model.coordinates();
+    let mut columns = columns(problem, robot, end, end).into_iter();
+    let results: Vec<String> = columns.by_ref().take(coordinates.results()).map(|column| column.name).collect();
+    // Unknowns of laws go by the first result that they enter.
+    let slopes = observability::result_slopes(problem.model, &end.z, problem.border());
+    let base = coordinates.iter().count();
+    let names = (0..coordinates.len()).map(|j| {
+        let of_law = (base..results.len()).find(|&i| slopes[(i, j)] != 0.0);
+        if j < base { results[j].clone() } else { of_law.map_or_else(String::new, |i| results[i].clone()) }
+    });
+    let names: Vec<String> = names.chain(columns.map(|column| column.name)).collect();
     held.into_iter()
         .filter(|held| !held.reason.is_empty())
         .map(|held| Unobservable { direction: observability::named(&held.shares, &names), reason: held.reason.clone() })
         .collect()
 }
 
-/// Results list biases before rotations, as the paper's (15) does.
-fn place_in_results(column: usize, border: &BorderLayout) -> (usize, usize) {
-    let first_bias = border.dynamics + 3 * border.gyros;
-    match column {
-        c if c < border.dynamics => (0, c),
-        c if c < first_bias => (2, c),
-        c => (1, c),
+/// Results list biases before rotations, as the paper's (15) does, and what laws add behind the base model's.
+fn place_in_results(i: usize, results: usize, border: &BorderLayout) -> (usize, usize) {
+    let first_bias = results + 3 * border.gyros;
+    match i {
+        i if i < results => (0, i),
+        i if i < first_bias => (2, i),
+        i => (1, i),
     }
 }
 

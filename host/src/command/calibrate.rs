@@ -3,11 +3,12 @@
 use std::path::PathBuf;
 
 use super::{Exit, Failure, ResultArgs, Ui, read_failure, robot_failure};
-use crate::calibrate::{CalibrateError, Calibration, Method, NoiseSource, Preset, Status, calibrate};
+use crate::calibrate::{CalibrateError, Calibration, Method, NoiseSource, Preset, Status, extend, fit};
+use crate::effect::{Effect, EffectError};
 use crate::recording::{self, Recording};
 use crate::report;
 use crate::robot::Robot;
-use crate::solve::levenberg::Settings;
+use crate::solve::levenberg::{Iteration, Settings};
 
 /// Calibrate the elastic-joint model on one or more recordings
 ///
@@ -27,6 +28,9 @@ pub struct Args {
     /// Noise of sensors and model steps: from the recording itself (`default` does so), or as the robot file and the preset say (`paper`)
     #[arg(long, value_enum)]
     noise: Option<NoiseSource>,
+    /// Extend the base model by this effect; `host effects` lists them. Can be given several times
+    #[arg(long = "extend", value_name = "ID")]
+    extensions: Vec<String>,
     #[command(flatten)]
     result: ResultArgs,
 }
@@ -49,7 +53,7 @@ pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
     }
     let method = Method::from(args.preset);
     let method = Method { noise: args.noise.unwrap_or(method.noise), ..method };
-    let calibration = solve(&robot, &recordings, method, ui)?;
+    let calibration = solve_extended(&robot, &recordings, method, &args.extensions, ui)?;
     print_table(ui, &calibration);
     let mut page = report::calibration::page(&calibration);
     if args.preset == Preset::Paper && args.result.report.is_some() {
@@ -68,18 +72,41 @@ pub(super) fn solve(
     method: impl Into<Method>,
     ui: &Ui,
 ) -> Result<Calibration, Failure> {
+    solve_extended(robot, recordings, method.into(), &[], ui)
+}
+
+/// Calibrates the base model, and from there the extended one.
+fn solve_extended(
+    robot: &Robot,
+    recordings: &[&Recording],
+    method: Method,
+    extensions: &[String],
+    ui: &Ui,
+) -> Result<Calibration, Failure> {
+    for id in extensions {
+        Effect::by_id(id).map_err(|error| calibrate_failure(error.into()))?;
+    }
     let progress = ui.busy("calibrating");
-    calibrate(robot, recordings, method, &Settings::default(), |iteration, state| {
+    let note = |iteration: usize, state: &Iteration| {
         progress.note(format!("iteration {iteration}, cost {:.6e}", state.cost));
         tracing::debug!(iteration, cost = state.cost, damping = state.damping, trials = state.trials);
-    })
-    .map_err(calibrate_failure)
+    };
+    let settings = Settings::default();
+    let base = fit(robot, recordings, method, &settings, note).map_err(calibrate_failure)?;
+    if extensions.is_empty() {
+        return Ok(base.calibration);
+    }
+    progress.stage("calibrating the extended model");
+    Ok(extend(robot, recordings, &base, extensions, &settings, note).map_err(calibrate_failure)?.calibration)
 }
 
 /// A recording that cannot be calibrated.
 pub(super) fn calibrate_failure(error: CalibrateError) -> Failure {
     match error {
         CalibrateError::NoRecording | CalibrateError::NotThePapersRobot => Failure::usage(error),
+        CalibrateError::ExtendsThePaper | CalibrateError::Extension(_) => Failure::usage(error),
+        CalibrateError::Effect(EffectError::Unsuited { .. }) => Failure::data(error).advice("leave this effect out"),
+        CalibrateError::Effect(_) => Failure::usage(error),
         CalibrateError::Solve(_) => Failure::no_convergence(error)
             .advice("`host check` says whether the recording is fit; look for a wrong unit or a wrong robot file"),
         CalibrateError::TooShort { .. } => Failure::data(error).advice("record the whole calibration motion"),

@@ -56,7 +56,10 @@ pub(super) fn verify_failure(error: VerifyError) -> Failure {
             failure.advice("`host calibrate` a recording of this robot first")
         }
         VerifyError::TooShort { .. } => failure.advice("record a whole motion"),
-        VerifyError::MissingParameter { .. } | VerifyError::Robot(_) => {
+        VerifyError::MissingParameter { .. }
+        | VerifyError::Robot(_)
+        | VerifyError::Effect(_)
+        | VerifyError::Model(_) => {
             failure.advice("the calibration was written by another version or edited: calibrate again")
         }
     }

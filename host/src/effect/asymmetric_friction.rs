@@ -8,11 +8,13 @@
 
 use rand::Rng;
 
-use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Size, draw};
+use super::surrogate::{At, Hook, Law, Laws, Of, Parameters, Quantity, acts_on_joints, only};
+use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Row, Size, draw};
 use crate::robot::{Robot, Symbol};
 
 pub(super) const EFFECT: Effect = Effect {
     id: "asymmetric_friction",
+    row: Row::Motor,
     title: "friction that differs by direction",
     equation: "μ ± Δμ, v ± Δv by the sign of θ̇",
     parameters: &[
@@ -23,6 +25,7 @@ pub(super) const EFFECT: Effect = Effect {
     about: "Worm gears, brushes that lean, a seal with a lip. As long as the motor turns one way it is a constant torque; \
             at rest and at reversals it is not.",
     make,
+    laws,
 };
 
 /// Δμ, shares of μ.
@@ -61,4 +64,41 @@ fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectEr
     let mut values: Vec<_> = draw::of_joints(EFFECT.id, "dmu", "N m", &joints, &dmu).collect();
     values.extend(draw::of_joints(EFFECT.id, "dv", "N m s/rad", &joints, &dv));
     Ok(Hidden { id: EFFECT.id, values, physics: Box::new(AsymmetricFriction { dmu, dv }) })
+}
+
+/// Linear in both.
+#[derive(Debug)]
+struct AsymmetryLaw {
+    parameters: Parameters,
+}
+
+impl Law for AsymmetryLaw {
+    fn parameters(&self) -> &Parameters {
+        &self.parameters
+    }
+
+    fn hooks(&self) -> &'static [Hook] {
+        &[Hook::Friction]
+    }
+
+    acts_on_joints!();
+}
+
+impl AsymmetryLaw {
+    fn act<T: Quantity>(&self, _hook: Hook, at: &At<'_, T>, torque: T) -> T {
+        let [dmu, dv] = *at.parameters else { return torque };
+        torque + dmu * at.friction_sign.abs() + dv * at.friction_speed.abs()
+    }
+}
+
+fn laws(robot: &Robot) -> Laws {
+    let joints = draw::some(EFFECT.id, draw::rubbing(robot), draw::NO_FRICTION)?;
+    let mut parameters = Parameters::new(EFFECT.id);
+    for &joint in &joints {
+        parameters.plain("dmu", "N m", Of::Joint(joint), 0.0);
+    }
+    for joint in joints {
+        parameters.plain("dv", "N m s/rad", Of::Joint(joint), 0.0);
+    }
+    only(AsymmetryLaw { parameters })
 }

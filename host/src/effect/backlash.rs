@@ -9,11 +9,13 @@
 
 use rand::Rng;
 
-use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Size, draw};
+use super::surrogate::{At, Hook, Law, Laws, Of, Parameters, Quantity, acts_on_joints, only};
+use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Row, Size, draw};
 use crate::robot::Robot;
 
 pub(super) const EFFECT: Effect = Effect {
     id: "backlash",
+    row: Row::Link,
     title: "free play in the transmission",
     equation: "τ_c = 0 inside ±h, k_s (q − θ ∓ h) + d_s (q̇ − θ̇) outside",
     parameters: &[EffectParameter { name: "h[i]", unit: "rad", sizes: "half gap 2, 8, 20 mrad (1 to 30 met)" }],
@@ -21,6 +23,7 @@ pub(super) const EFFECT: Effect = Effect {
     about: "Worn teeth or a slack belt leave a gap in which motor and link do not feel each other. At every reversal \
             the motor crosses it alone, then meets the link with a blow.",
     make,
+    laws,
 };
 
 /// Half gap, rad.
@@ -62,4 +65,48 @@ pub(crate) fn gaps(half_gap: Vec<f64>) -> Hidden {
     let joints: Vec<usize> = (0..half_gap.len()).filter(|joint| half_gap[*joint] > 0.0).collect();
     let values = draw::of_joints(EFFECT.id, "h", "rad", &joints, &half_gap).collect();
     Hidden { id: EFFECT.id, values, physics: Box::new(Backlash { half_gap }) }
+}
+
+/// Over what the corners of the law are rounded, rad.
+const CORNER_RAD: f64 = 3e-4;
+/// Where the search for a half gap starts, rad.
+const START_RAD: f64 = 2e-3;
+
+/// The gap's corners are rounded, so that a least-squares fit finds its way; at h = 0 nothing is left of them.
+#[derive(Debug)]
+struct BacklashLaw {
+    parameters: Parameters,
+}
+
+impl Law for BacklashLaw {
+    fn parameters(&self) -> &Parameters {
+        &self.parameters
+    }
+
+    fn hooks(&self) -> &'static [Hook] {
+        &[Hook::Transmission]
+    }
+
+    acts_on_joints!();
+}
+
+impl BacklashLaw {
+    fn act<T: Quantity>(&self, _hook: Hook, at: &At<'_, T>, torque: T) -> T {
+        let [half_gap] = *at.parameters else { return torque };
+        let wind = at.wind();
+        // δ and dδ/dt of the belt behind the gap
+        let beyond = [wind - half_gap, -wind - half_gap];
+        let depth = beyond[0].ramp(CORNER_RAD) - beyond[1].ramp(CORNER_RAD);
+        let grip = beyond[0].step(CORNER_RAD) + beyond[1].step(CORNER_RAD);
+        torque + at.k_s * (depth - wind) + at.d_s * (grip - T::from(1.0)) * at.wind_rate()
+    }
+}
+
+fn laws(robot: &Robot) -> Laws {
+    let joints = draw::some(EFFECT.id, draw::elastic(robot), draw::NO_BELT)?;
+    let mut parameters = Parameters::new(EFFECT.id);
+    for joint in joints {
+        parameters.plain("h", "rad", Of::Joint(joint), START_RAD);
+    }
+    only(BacklashLaw { parameters })
 }

@@ -12,11 +12,14 @@ use std::f64::consts::TAU;
 
 use rand::{Rng, RngExt};
 
-use super::{Effect, EffectError, EffectParameter, Hidden, PassiveJoint, Physics, Size, TrueValue};
+use super::surrogate::{Law, Laws, Of, Parameters, each};
+use super::{Effect, EffectError, EffectParameter, Hidden, PassiveJoint, Physics, Row, Size, TrueValue};
+use crate::model::law;
 use crate::robot::{Robot, Vector3};
 
 pub(super) const EFFECT: Effect = Effect {
     id: "base_bearing",
+    row: Row::Link,
     title: "flexible base bearing",
     equation: "passive joints about x, y of the base: τ = −k φ − d φ̇",
     parameters: &[
@@ -27,6 +30,7 @@ pub(super) const EFFECT: Effect = Effect {
     about: "The bearing between base and robot gives way, so that the robot tilts when it accelerates sideways. Gyros \
             see the tilt as rates that no joint makes; a model with a rigid base packs it into the belts' stiffness.",
     make,
+    laws,
 };
 
 /// Natural frequency of the robot on its bearing, Hz: 12000, 7000 and 2500 N m/rad on Doggy.
@@ -47,19 +51,7 @@ impl Physics for BaseBearing {
 }
 
 fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectError> {
-    let unsuited = |reason| EffectError::Unsuited { effect: EFFECT.id, reason };
-    let tilting = robot
-        .chain()
-        .with_base_joints([0.0; 3], &AXES)
-        .map_err(|_| unsuited("the robot has no room for two more joints"))?;
-    let n = tilting.joints();
-    let mut m = vec![0.0; n * n];
-    tilting.mass_matrix(&vec![0.0; n], &mut m);
-    let inertia = [m[0], m[n + 1]];
-    if inertia.iter().any(|i| *i <= 0.0) {
-        return Err(unsuited("the bodies have no inertia about x and y of the base"));
-    }
-
+    let inertia = inertia(robot)?;
     let (mut k, mut d) = ([0.0; 2], [0.0; 2]);
     for axis in 0..2 {
         // k = (2π f)² I
@@ -74,6 +66,23 @@ fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectEr
     Ok(bearing(k, d))
 }
 
+/// Inertia of the whole robot about x and y of the base, kg m².
+fn inertia(robot: &Robot) -> Result<[f64; 2], EffectError> {
+    let unsuited = |reason| EffectError::Unsuited { effect: EFFECT.id, reason };
+    let tilting = robot
+        .chain()
+        .with_base_joints([0.0; 3], &AXES)
+        .map_err(|_| unsuited("the robot has no room for two more joints"))?;
+    let n = tilting.joints();
+    let mut m = vec![0.0; n * n];
+    tilting.mass_matrix(&vec![0.0; n], &mut m);
+    let inertia = [m[0], m[n + 1]];
+    if inertia.iter().any(|i| *i <= 0.0) {
+        return Err(unsuited("the bodies have no inertia about x and y of the base"));
+    }
+    Ok(inertia)
+}
+
 /// A bearing of stiffness `k` N m/rad and damping `d` N m s/rad about x and y.
 pub(crate) fn bearing(k: [f64; 2], d: [f64; 2]) -> Hidden {
     let joints = [0, 1].map(|axis| PassiveJoint { axis: AXES[axis], stiffness: k[axis], damping: d[axis] });
@@ -86,4 +95,36 @@ pub(crate) fn bearing(k: [f64; 2], d: [f64; 2]) -> Hidden {
         values.push(TrueValue { name: name("d", axis), unit: "N m s/rad", value: d[axis] });
     }
     Hidden { id: EFFECT.id, values, physics: Box::new(BaseBearing { joints }) }
+}
+
+/// The same joints; k and d by their logarithms.
+#[derive(Debug)]
+struct BearingLaw {
+    parameters: Parameters,
+    joints: [law::PassiveJoint; 2],
+}
+
+impl Law for BearingLaw {
+    fn parameters(&self) -> &Parameters {
+        &self.parameters
+    }
+
+    fn base_joints(&self) -> &[law::PassiveJoint] {
+        &self.joints
+    }
+}
+
+fn laws(robot: &Robot) -> Laws {
+    let inertia = inertia(robot)?;
+    let with = |hz: f64| {
+        let k = inertia.map(|inertia| (TAU * hz).powi(2) * inertia);
+        let d = [0, 1].map(|axis| 2.0 * DAMPING_RATIO * (k[axis] * inertia[axis]).sqrt());
+        let mut parameters = Parameters::new(EFFECT.id);
+        let stiffness = [0, 1].map(|axis| parameters.positive("k", "N m/rad", Of::Axis(axis), k[axis]));
+        let damping = [0, 1].map(|axis| parameters.positive("d", "N m s/rad", Of::Axis(axis), d[axis]));
+        let joint =
+            |axis: usize| law::PassiveJoint { axis: AXES[axis], stiffness: stiffness[axis], damping: damping[axis] };
+        BearingLaw { parameters, joints: [0, 1].map(joint) }
+    };
+    each([FREQUENCY_HZ[1], FREQUENCY_HZ[0], FREQUENCY_HZ[2]].map(with))
 }

@@ -6,11 +6,13 @@
 
 use rand::Rng;
 
-use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Size, draw};
+use super::surrogate::{At, Hook, Law, Laws, Of, Parameters, Quantity, acts_on_joints, only};
+use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Row, Size, draw};
 use crate::robot::{Robot, Symbol};
 
 pub(super) const EFFECT: Effect = Effect {
     id: "belt_hardening",
+    row: Row::Link,
     title: "belt that stiffens",
     equation: "τ_c + k₃ (q − θ)³",
     parameters: &[EffectParameter {
@@ -22,6 +24,7 @@ pub(super) const EFFECT: Effect = Effect {
     about: "Fibres of a belt straighten, rubber is compressed: the last tenth of a degree costs more torque than the \
             first. Free play stiffens as well, but all at once and at a small windup.",
     make,
+    laws,
 };
 
 /// k₃ (0.1 rad)² as a share of k_s.
@@ -47,4 +50,39 @@ fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectEr
     let k3 = draw::per_joint(robot, &joints, size, SHARE, unit, rng);
     let values = draw::of_joints(EFFECT.id, "k3", "N m/rad^3", &joints, &k3).collect();
     Ok(Hidden { id: EFFECT.id, values, physics: Box::new(BeltHardening { k3 }) })
+}
+
+/// Linear in k₃.
+#[derive(Debug)]
+struct HardeningLaw {
+    parameters: Parameters,
+}
+
+impl Law for HardeningLaw {
+    fn parameters(&self) -> &Parameters {
+        &self.parameters
+    }
+
+    fn hooks(&self) -> &'static [Hook] {
+        &[Hook::Transmission]
+    }
+
+    acts_on_joints!();
+}
+
+impl HardeningLaw {
+    fn act<T: Quantity>(&self, _hook: Hook, at: &At<'_, T>, torque: T) -> T {
+        let [k3] = *at.parameters else { return torque };
+        let wind = at.wind();
+        torque + k3 * wind * wind * wind
+    }
+}
+
+fn laws(robot: &Robot) -> Laws {
+    let joints = draw::some(EFFECT.id, draw::elastic(robot), draw::NO_BELT)?;
+    let mut parameters = Parameters::new(EFFECT.id);
+    for joint in joints {
+        parameters.plain("k3", "N m/rad^3", Of::Joint(joint), 0.0);
+    }
+    only(HardeningLaw { parameters })
 }

@@ -8,11 +8,13 @@
 
 use rand::{Rng, RngExt};
 
-use super::{Effect, EffectError, EffectParameter, Hidden, Line, Moment, Physics, Size, draw};
+use super::surrogate::{At, Hook, Law, Laws, Of, Parameters, Quantity, acts_on_joints, each};
+use super::{Effect, EffectError, EffectParameter, Hidden, Line, Moment, Physics, Row, Size, draw};
 use crate::robot::{Robot, Symbol};
 
 pub(super) const EFFECT: Effect = Effect {
     id: "belt_hysteresis",
+    row: Row::Link,
     title: "viscoelastic belt",
     equation: "τ_c + f, ḟ = k₁ (q̇ − θ̇) − f/τ",
     parameters: &[
@@ -23,6 +25,7 @@ pub(super) const EFFECT: Effect = Effect {
     about: "Polymers relax: wound up quickly a belt is stiffer than wound up slowly, and it gives back less than it took. \
             Slower than τ the branch is soft, faster it is one more spring, between the two it damps.",
     make,
+    laws,
 };
 
 /// Shares of k_s.
@@ -63,4 +66,63 @@ fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectEr
     let mut values: Vec<_> = draw::of_joints(EFFECT.id, "k1", "N m/rad", &joints, &k1).collect();
     values.extend(draw::of_joints(EFFECT.id, "tau", "s", &joints, &relaxation_s));
     Ok(Hidden { id: EFFECT.id, values, physics: Box::new(BeltHysteresis { k1, relaxation_s }) })
+}
+
+/// A step of the branch's torque may be wrong by k_s times this, rad.
+const SIGMA_RAD: f64 = 1e-5;
+
+/// The same branch; τ is fitted by its logarithm.
+#[derive(Debug)]
+struct HysteresisLaw {
+    parameters: Parameters,
+    joints: Vec<usize>,
+    /// N m.
+    sigma: Vec<f64>,
+}
+
+impl Law for HysteresisLaw {
+    fn parameters(&self) -> &Parameters {
+        &self.parameters
+    }
+
+    fn hooks(&self) -> &'static [Hook] {
+        &[Hook::Transmission, Hook::StateRate]
+    }
+
+    fn has_state(&self, joint: usize) -> bool {
+        self.joints.contains(&joint)
+    }
+
+    fn state_sigma(&self, joint: usize) -> f64 {
+        self.sigma[joint]
+    }
+
+    acts_on_joints!();
+}
+
+impl HysteresisLaw {
+    fn act<T: Quantity>(&self, hook: Hook, at: &At<'_, T>, quantity: T) -> T {
+        let [k1, tau] = *at.parameters else { return quantity };
+        match hook {
+            Hook::Transmission => quantity + at.own,
+            _ => k1 * at.wind_rate() - at.own * (-tau).exp(),
+        }
+    }
+}
+
+fn laws(robot: &Robot) -> Laws {
+    let joints = draw::some(EFFECT.id, draw::elastic(robot), draw::NO_BELT)?;
+    let with = |start_s: f64| {
+        let mut parameters = Parameters::new(EFFECT.id);
+        for &joint in &joints {
+            parameters.plain("k1", "N m/rad", Of::Joint(joint), SHARE[0] * draw::nominal(robot, Symbol::KS, joint));
+        }
+        for &joint in &joints {
+            parameters.positive("tau", "s", Of::Joint(joint), start_s);
+        }
+        let sigma = |joint| SIGMA_RAD * draw::nominal(robot, Symbol::KS, joint);
+        let sigma = (0..robot.joints.len()).map(sigma).collect();
+        HysteresisLaw { parameters, joints: joints.clone(), sigma }
+    };
+    each([25e-3, 8e-3, 70e-3].map(with))
 }

@@ -6,11 +6,13 @@
 
 use rand::Rng;
 
-use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Size, draw};
+use super::surrogate::{At, Hook, Law, Laws, Of, Parameters, Quantity, acts_on_joints, only};
+use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Row, Size, draw};
 use crate::robot::Robot;
 
 pub(super) const EFFECT: Effect = Effect {
     id: "belt_slack_side",
+    row: Row::Link,
     title: "belt stiffness that differs by direction",
     equation: "k_s (1 ± r) (q − θ)",
     parameters: &[EffectParameter { name: "r[i]", unit: "1", sizes: "6, 13, 26 % (5 to 30 met), either sign" }],
@@ -18,6 +20,7 @@ pub(super) const EFFECT: Effect = Effect {
     about: "One strand of a belt is longer than the other, or its tensioner sits on one side: pulling one way meets a \
             stiffer spring than pulling the other way.",
     make,
+    laws,
 };
 
 const RATIO: [f64; 3] = [0.06, 0.13, 0.26];
@@ -40,4 +43,38 @@ fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectEr
     draw::either_sign(&mut ratio, size, rng);
     let values = draw::of_joints(EFFECT.id, "r", "1", &joints, &ratio).collect();
     Ok(Hidden { id: EFFECT.id, values, physics: Box::new(BeltSlackSide { ratio }) })
+}
+
+/// Linear in r.
+#[derive(Debug)]
+struct SlackSideLaw {
+    parameters: Parameters,
+}
+
+impl Law for SlackSideLaw {
+    fn parameters(&self) -> &Parameters {
+        &self.parameters
+    }
+
+    fn hooks(&self) -> &'static [Hook] {
+        &[Hook::Transmission]
+    }
+
+    acts_on_joints!();
+}
+
+impl SlackSideLaw {
+    fn act<T: Quantity>(&self, _hook: Hook, at: &At<'_, T>, torque: T) -> T {
+        let [ratio] = *at.parameters else { return torque };
+        torque + ratio * at.k_s * at.wind().abs()
+    }
+}
+
+fn laws(robot: &Robot) -> Laws {
+    let joints = draw::some(EFFECT.id, draw::elastic(robot), draw::NO_BELT)?;
+    let mut parameters = Parameters::new(EFFECT.id);
+    for joint in joints {
+        parameters.plain("r", "1", Of::Joint(joint), 0.0);
+    }
+    only(SlackSideLaw { parameters })
 }

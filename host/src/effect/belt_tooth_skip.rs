@@ -9,11 +9,13 @@
 
 use rand::{Rng, RngExt};
 
-use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Size, draw};
+use super::surrogate::{At, Hook, Law, Laws, Of, Parameters, Quantity, acts_on_joints, each};
+use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Row, Size, draw};
 use crate::robot::Robot;
 
 pub(super) const EFFECT: Effect = Effect {
     id: "belt_tooth_skip",
+    row: Row::Link,
     title: "the belt jumps a tooth",
     equation: "q − θ steps at one time",
     parameters: &[
@@ -28,11 +30,14 @@ pub(super) const EFFECT: Effect = Effect {
     about: "An old or loose belt climbs over a tooth of its pulley under load. From then on the link stands beside where \
             its encoder says; a fault of that encoder would look the same if there were no gyro on the link.",
     make,
+    laws,
 };
 
 const STEP_RAD: [f64; 3] = [0.015, 0.045, 0.125];
 /// When, whole milliseconds after the start of the motion.
 const TIME_MS: std::ops::Range<u32> = 5000..18_000;
+/// How long the law's jump takes, s.
+const WIDTH_S: f64 = 2e-3;
 /// Steps of the plant end on whole milliseconds but for rounding, s.
 const ROUNDING_S: f64 = 1e-9;
 
@@ -80,4 +85,48 @@ pub(crate) fn skip(joint: usize, step_rad: f64, time_s: f64) -> Hidden {
     let values =
         vec![draw::single(EFFECT.id, &name("step"), "rad", step_rad), draw::single(EFFECT.id, &name("t"), "s", time_s)];
     Hidden { id: EFFECT.id, values, physics: Box::new(BeltToothSkip { joint, step_rad, time_s }) }
+}
+
+/// The jump takes some milliseconds, so that its time can be fitted; one jump on one joint.
+#[derive(Debug)]
+struct SkipLaw {
+    parameters: Parameters,
+    joint: usize,
+    /// How long the jump takes, s.
+    width_s: f64,
+}
+
+impl Law for SkipLaw {
+    fn parameters(&self) -> &Parameters {
+        &self.parameters
+    }
+
+    fn hooks(&self) -> &'static [Hook] {
+        &[Hook::Transmission]
+    }
+
+    fn local(&self, joint: usize) -> Vec<usize> {
+        if joint == self.joint { vec![0, 1] } else { Vec::new() }
+    }
+
+    acts_on_joints!();
+}
+
+impl SkipLaw {
+    fn act<T: Quantity>(&self, _hook: Hook, at: &At<'_, T>, torque: T) -> T {
+        let [step, time] = *at.parameters else { return torque };
+        torque - at.k_s * step * (T::from(at.time_s) - time).step(self.width_s)
+    }
+}
+
+/// A time to start from every second of the first half minute, on each joint.
+fn laws(robot: &Robot) -> Laws {
+    let joints = draw::some(EFFECT.id, draw::elastic(robot), draw::NO_BELT)?;
+    let starts = joints.iter().flat_map(|&joint| (1..30).map(move |second| (joint, f64::from(second))));
+    each(starts.map(|(joint, start_s)| {
+        let mut parameters = Parameters::new(EFFECT.id);
+        parameters.plain("step", "rad", Of::Joint(joint), 0.0);
+        parameters.plain("t", "s", Of::Joint(joint), start_s);
+        SkipLaw { parameters, joint, width_s: WIDTH_S }
+    }))
 }

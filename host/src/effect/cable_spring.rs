@@ -6,11 +6,13 @@
 
 use rand::Rng;
 
-use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Size, draw};
+use super::surrogate::{At, Hook, Law, Laws, Of, Parameters, Quantity, acts_on_joints, only};
+use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Row, Size, draw};
 use crate::robot::{Robot, Symbol};
 
 pub(super) const EFFECT: Effect = Effect {
     id: "cable_spring",
+    row: Row::Link,
     title: "spring of cables or costume",
     equation: "k_c q on the link's row",
     parameters: &[EffectParameter {
@@ -22,6 +24,7 @@ pub(super) const EFFECT: Effect = Effect {
     about: "Cables that cross a joint are bent by it and push back, a costume is stretched. The robot is drawn to its \
             middle pose, on joints that feel no gravity as well.",
     make,
+    laws,
 };
 
 /// Shares of k_s.
@@ -44,4 +47,38 @@ fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectEr
     let k_c = draw::per_joint(robot, &joints, size, SHARE, |j| draw::nominal(robot, Symbol::KS, j), rng);
     let values = draw::of_joints(EFFECT.id, "k_c", "N m/rad", &joints, &k_c).collect();
     Ok(Hidden { id: EFFECT.id, values, physics: Box::new(CableSpring { k_c }) })
+}
+
+/// Linear in k_c.
+#[derive(Debug)]
+struct CableLaw {
+    parameters: Parameters,
+}
+
+impl Law for CableLaw {
+    fn parameters(&self) -> &Parameters {
+        &self.parameters
+    }
+
+    fn hooks(&self) -> &'static [Hook] {
+        &[Hook::LinkLoad]
+    }
+
+    acts_on_joints!();
+}
+
+impl CableLaw {
+    fn act<T: Quantity>(&self, _hook: Hook, at: &At<'_, T>, load: T) -> T {
+        let [k_c] = *at.parameters else { return load };
+        load + k_c * at.q
+    }
+}
+
+fn laws(robot: &Robot) -> Laws {
+    let joints = draw::some(EFFECT.id, draw::elastic(robot), draw::NO_BELT)?;
+    let mut parameters = Parameters::new(EFFECT.id);
+    for joint in joints {
+        parameters.plain("k_c", "N m/rad", Of::Joint(joint), 0.0);
+    }
+    only(CableLaw { parameters })
 }

@@ -6,11 +6,13 @@
 
 use rand::{Rng, RngExt};
 
-use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Size, draw};
+use super::surrogate::{At, Hook, Law, Laws, Of, Parameters, Quantity, acts_on_joints, each};
+use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Row, Size, draw};
 use crate::robot::Robot;
 
 pub(super) const EFFECT: Effect = Effect {
     id: "cogging",
+    row: Row::Motor,
     title: "torque ripple of the motors",
     equation: "τ_m + A sin(p n_G θ + φ)",
     parameters: &[
@@ -22,6 +24,7 @@ pub(super) const EFFECT: Effect = Effect {
     about: "Magnets lock to teeth, commutators switch: the torque ripples some times a turn of the motor. In slow motion \
             the ripple can be followed; at speed it is faster than the sampling and folds back to other frequencies.",
     make,
+    laws,
 };
 
 /// Amplitude, shares of the torque at full voltage.
@@ -57,4 +60,48 @@ fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectEr
     values.extend(draw::of_joints(EFFECT.id, "phi", "rad", &joints, &phase));
     let per_turn = robot.joints.iter().map(|joint| periods * joint.gear).collect();
     Ok(Hidden { id: EFFECT.id, values, physics: Box::new(Cogging { amplitude, per_turn, phase }) })
+}
+
+/// Linear in A cos φ and A sin φ; p is chosen among whole numbers.
+#[derive(Debug)]
+struct CoggingLaw {
+    parameters: Parameters,
+    /// p n_G.
+    per_turn: Vec<f64>,
+}
+
+impl Law for CoggingLaw {
+    fn parameters(&self) -> &Parameters {
+        &self.parameters
+    }
+
+    fn hooks(&self) -> &'static [Hook] {
+        &[Hook::MotorTorque]
+    }
+
+    acts_on_joints!();
+}
+
+impl CoggingLaw {
+    fn act<T: Quantity>(&self, _hook: Hook, at: &At<'_, T>, torque: T) -> T {
+        let [along, across] = *at.parameters else { return torque };
+        let (sin, cos) = (at.theta * self.per_turn[at.joint]).sin_cos();
+        torque + along * sin + across * cos
+    }
+}
+
+fn laws(robot: &Robot) -> Laws {
+    let mut joints = draw::turning(robot);
+    joints.retain(|joint| draw::full_torque(robot, *joint) > 0.0);
+    let joints = draw::some(EFFECT.id, joints, draw::NO_VOLTAGE)?;
+    let with = |periods: u8| {
+        let periods = f64::from(periods);
+        let mut parameters = Parameters::new(EFFECT.id);
+        for &joint in &joints {
+            parameters.wave(("A", "N m"), "phi", Of::Joint(joint), [0.0; 2]);
+        }
+        parameters.chosen("p", "1", periods);
+        CoggingLaw { parameters, per_turn: robot.joints.iter().map(|joint| periods * joint.gear).collect() }
+    };
+    each(PERIODS.map(with))
 }

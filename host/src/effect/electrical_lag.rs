@@ -6,11 +6,13 @@
 
 use rand::Rng;
 
-use super::{Effect, EffectError, EffectParameter, Hidden, Line, Moment, Physics, Size, draw};
+use super::surrogate::{At, Hook, Law, Laws, Of, Parameters, Quantity, acts_on_joints, each};
+use super::{Effect, EffectError, EffectParameter, Hidden, Line, Moment, Physics, Row, Size, draw};
 use crate::robot::Robot;
 
 pub(super) const EFFECT: Effect = Effect {
     id: "electrical_lag",
+    row: Row::Motor,
     title: "lag of the winding's current",
     equation: "T τ̇_m = (k_pwm U u − k_mi θ̇) − τ_m",
     parameters: &[EffectParameter { name: "T", unit: "s", sizes: "0.6, 1.8, 4.3 ms (0.5 to 5 met)" }],
@@ -18,6 +20,7 @@ pub(super) const EFFECT: Effect = Effect {
     about: "A winding is a coil: the current follows the voltage with the time constant L/R. Unlike a dead time it lags \
             the back-EMF as well, and it rounds the edges of a step.",
     make,
+    laws,
 };
 
 const TIME_CONSTANT_S: [f64; 3] = [0.6e-3, 1.8e-3, 4.3e-3];
@@ -50,4 +53,55 @@ fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectEr
     let values = vec![draw::single(EFFECT.id, "T", "s", time_constant_s)];
     let physics = ElectricalLag { time_constant_s, joints: robot.joints.len() };
     Ok(Hidden { id: EFFECT.id, values, physics: Box::new(physics) })
+}
+
+/// A step of the torque may be wrong by this share of the torque at full voltage.
+const SIGMA: f64 = 2e-5;
+
+/// The same equation; T by its logarithm. Below a third of a sample period a step cannot follow it.
+#[derive(Debug)]
+struct LagLaw {
+    parameters: Parameters,
+    /// N m.
+    sigma: Vec<f64>,
+}
+
+impl Law for LagLaw {
+    fn parameters(&self) -> &Parameters {
+        &self.parameters
+    }
+
+    fn hooks(&self) -> &'static [Hook] {
+        &[Hook::MotorTorque, Hook::StateRate]
+    }
+
+    fn has_state(&self, _joint: usize) -> bool {
+        true
+    }
+
+    fn state_sigma(&self, joint: usize) -> f64 {
+        self.sigma[joint]
+    }
+
+    acts_on_joints!();
+}
+
+impl LagLaw {
+    fn act<T: Quantity>(&self, hook: Hook, at: &At<'_, T>, quantity: T) -> T {
+        let [time_constant] = *at.parameters else { return quantity };
+        match hook {
+            Hook::MotorTorque => at.own,
+            _ => (at.driving - at.k_mi * at.thetad - at.own) * (-time_constant).exp(),
+        }
+    }
+}
+
+fn laws(robot: &Robot) -> Laws {
+    let with = |start_s: f64| {
+        let mut parameters = Parameters::new(EFFECT.id);
+        parameters.positive("T", "s", Of::All, start_s);
+        let sigma = |joint| SIGMA * draw::full_torque(robot, joint).max(1.0);
+        LagLaw { parameters, sigma: (0..robot.joints.len()).map(sigma).collect() }
+    };
+    each([1.8, 0.8, 4.0].map(|periods| with(periods * robot.sample_period_s)))
 }

@@ -6,11 +6,15 @@
 
 use rand::Rng;
 
-use super::{Effect, EffectError, EffectParameter, Hidden, Past, Physics, Size, draw};
+use super::surrogate::{Law, Laws, Of, Parameters, only};
+use super::{Effect, EffectError, EffectParameter, Hidden, Past, Physics, Row, Size, draw};
+use crate::model::law::{Narrow, PositionAt};
+use crate::robot::chain::Arithmetic;
 use crate::robot::{Robot, Sensor, Side};
 
 pub(super) const EFFECT: Effect = Effect {
     id: "encoder_eccentricity",
+    row: Row::Sensor,
     title: "once-per-turn error of the encoders",
     equation: "θ + e sin(θ + φ)",
     parameters: &[
@@ -21,6 +25,7 @@ pub(super) const EFFECT: Effect = Effect {
     about: "A disc that is not centred, or a pulley that is not round, makes the encoder run ahead on one half of the turn \
             and behind on the other. The gyros do not take part.",
     make,
+    laws,
 };
 
 const ERROR_RAD: [f64; 3] = [0.25e-3, 0.7e-3, 1.7e-3];
@@ -43,14 +48,50 @@ impl Physics for EncoderEccentricity {
 }
 
 fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectError> {
-    let has_encoder =
-        |joint| robot.sensors.iter().any(|sensor| matches!(sensor, Sensor::MotorEncoder(e) if e.joint == joint));
-    let mut joints = draw::turning(robot);
-    joints.retain(|joint| has_encoder(*joint));
-    let joints = draw::some(EFFECT.id, joints, "no turning joint has a motor encoder")?;
+    let joints = joints(robot)?;
     let error = draw::per_joint(robot, &joints, size, ERROR_RAD, |_| 1.0, rng);
     let phase = draw::phases(robot, rng);
     let mut values: Vec<_> = draw::of_joints(EFFECT.id, "e", "rad", &joints, &error).collect();
     values.extend(draw::of_joints(EFFECT.id, "phi", "rad", &joints, &phase));
     Ok(Hidden { id: EFFECT.id, values, physics: Box::new(EncoderEccentricity { error, phase }) })
+}
+
+/// Linear in e cos φ and e sin φ.
+#[derive(Debug)]
+struct EccentricityLaw {
+    parameters: Parameters,
+    joints: Vec<usize>,
+}
+
+impl Law for EccentricityLaw {
+    fn parameters(&self) -> &Parameters {
+        &self.parameters
+    }
+
+    fn sees_position(&self, side: Side, joint: usize) -> bool {
+        side == Side::Motor && self.joints.contains(&joint)
+    }
+
+    fn position(&self, at: &PositionAt<'_, Narrow>, position: Narrow) -> Narrow {
+        let (sin, cos) = position.sin_cos();
+        position + at.parameters[0] * sin + at.parameters[1] * cos
+    }
+}
+
+fn laws(robot: &Robot) -> Laws {
+    let joints = joints(robot)?;
+    let mut parameters = Parameters::new(EFFECT.id);
+    for &joint in &joints {
+        parameters.wave(("e", "rad"), "phi", Of::Joint(joint), [0.0; 2]);
+    }
+    only(EccentricityLaw { parameters, joints })
+}
+
+/// Joints that turn and have a motor encoder.
+fn joints(robot: &Robot) -> Result<Vec<usize>, EffectError> {
+    let has_encoder =
+        |joint| robot.sensors.iter().any(|sensor| matches!(sensor, Sensor::MotorEncoder(e) if e.joint == joint));
+    let mut joints = draw::turning(robot);
+    joints.retain(|joint| has_encoder(*joint));
+    draw::some(EFFECT.id, joints, "no turning joint has a motor encoder")
 }

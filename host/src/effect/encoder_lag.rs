@@ -6,11 +6,14 @@
 
 use rand::{Rng, RngExt};
 
-use super::{Effect, EffectError, EffectParameter, Hidden, Past, Physics, Size, draw};
+use super::surrogate::{Law, Laws, Of, Parameters, only};
+use super::{Effect, EffectError, EffectParameter, Hidden, Past, Physics, Row, Size, draw};
+use crate::model::law::{Narrow, PositionAt};
 use crate::robot::{Robot, Sensor, Side};
 
 pub(super) const EFFECT: Effect = Effect {
     id: "encoder_lag",
+    row: Row::Sensor,
     title: "an encoder that reads late",
     equation: "θ(t − T), or q(t − T) on the link",
     parameters: &[EffectParameter { name: "T[i]", unit: "s", sizes: "0.4, 1.3, 4.3 ms (0.3 to 5 met), on one joint" }],
@@ -18,6 +21,7 @@ pub(super) const EFFECT: Effect = Effect {
     about: "An encoder on a bus, or one whose driver filters, tells where the joint was some milliseconds ago. Against \
             the gyros its motor lags, which a softer belt or a weaker damper does as well.",
     make,
+    laws,
 };
 
 const DEAD_TIME_S: [f64; 3] = [0.4e-3, 1.3e-3, 4.3e-3];
@@ -43,12 +47,7 @@ impl Physics for EncoderLag {
 }
 
 fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectError> {
-    let encoders = robot.sensors.iter().filter_map(|sensor| match sensor {
-        Sensor::MotorEncoder(encoder) => Some((Side::Motor, encoder.joint)),
-        Sensor::LinkEncoder(encoder) => Some((Side::Link, encoder.joint)),
-        _ => None,
-    });
-    let encoders: Vec<_> = encoders.collect();
+    let encoders: Vec<_> = encoders_of(robot).collect();
     if encoders.is_empty() {
         return Err(EffectError::Unsuited { effect: EFFECT.id, reason: "the robot has no encoder" });
     }
@@ -56,4 +55,58 @@ fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectEr
     let dead_time_s = size.draw(DEAD_TIME_S, rng);
     let values = vec![draw::single(EFFECT.id, &format!("T[{}]", joint + 1), "s", dead_time_s)];
     Ok(Hidden { id: EFFECT.id, values, physics: Box::new(EncoderLag { joint, side, dead_time_s }) })
+}
+
+/// A search does not look further, samples.
+const MOST_SAMPLES: f64 = 50.0;
+
+/// Readings are compared whole samples later, and the rest of T by the speed. One T a joint, on the side whose encoder comes first.
+#[derive(Debug)]
+struct LateLaw {
+    parameters: Parameters,
+    encoders: Vec<(Side, usize)>,
+}
+
+impl Law for LateLaw {
+    fn parameters(&self) -> &Parameters {
+        &self.parameters
+    }
+
+    fn sees_position(&self, side: Side, joint: usize) -> bool {
+        self.encoders.contains(&(side, joint))
+    }
+
+    fn position(&self, at: &PositionAt<'_, Narrow>, position: Narrow) -> Narrow {
+        position + (Narrow::from(at.shifted_s) - at.parameters[0]) * at.speed
+    }
+
+    fn shift(&self, side: Side, joint: usize, z: &[f64], period_s: f64) -> i32 {
+        let which = self.encoders.iter().position(|encoder| *encoder == (side, joint));
+        which.map_or(0, |which| (z[which] / period_s).round().clamp(-MOST_SAMPLES, MOST_SAMPLES) as i32)
+    }
+}
+
+fn laws(robot: &Robot) -> Laws {
+    let mut encoders: Vec<(Side, usize)> = Vec::new();
+    for encoder in encoders_of(robot) {
+        if encoders.iter().all(|(_, joint)| *joint != encoder.1) {
+            encoders.push(encoder);
+        }
+    }
+    if encoders.is_empty() {
+        return Err(EffectError::Unsuited { effect: EFFECT.id, reason: "the robot has no encoder" });
+    }
+    let mut parameters = Parameters::new(EFFECT.id);
+    for (_, joint) in &encoders {
+        parameters.plain("T", "s", Of::Joint(*joint), 0.0);
+    }
+    only(LateLaw { parameters, encoders })
+}
+
+fn encoders_of(robot: &Robot) -> impl Iterator<Item = (Side, usize)> + '_ {
+    robot.sensors.iter().filter_map(|sensor| match sensor {
+        Sensor::MotorEncoder(encoder) => Some((Side::Motor, encoder.joint)),
+        Sensor::LinkEncoder(encoder) => Some((Side::Link, encoder.joint)),
+        _ => None,
+    })
 }

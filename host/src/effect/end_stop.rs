@@ -9,11 +9,13 @@
 
 use rand::{Rng, RngExt};
 
-use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Size, draw};
+use super::surrogate::{At, Hook, Law, Laws, Of, Parameters, Quantity, acts_on_joints, each};
+use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Row, Size, draw};
 use crate::robot::{Robot, Symbol};
 
 pub(super) const EFFECT: Effect = Effect {
     id: "end_stop",
+    row: Row::Link,
     title: "contact at a joint's stop",
     equation: "k δ max(1 + λ δ̇, 0) at a depth of δ beyond q_max or q_min",
     parameters: &[
@@ -25,6 +27,7 @@ pub(super) const EFFECT: Effect = Effect {
     about: "A stop of rubber or steel stands nearer than the description says, or something stands in the way. Nothing \
             shows until the link gets there; then it is thrown back.",
     make,
+    laws,
 };
 
 /// Shares of the described limits. The stronger the effect, the nearer the stop.
@@ -75,4 +78,54 @@ fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectEr
     values.extend(draw::of_joints(EFFECT.id, "q_min", "rad", &joints, &q_min));
     values.push(draw::single(EFFECT.id, "k", "N m/rad", k));
     Ok(Hidden { id: EFFECT.id, values, physics: Box::new(EndStop { q_min, q_max, k }) })
+}
+
+/// Over what the law's corners are rounded: rad, and of the contact's damping.
+const CORNER_RAD: f64 = 1e-3;
+const CORNER_RATE: f64 = 0.02;
+
+/// The same contact with a rounded corner.
+#[derive(Debug)]
+struct StopLaw {
+    parameters: Parameters,
+}
+
+impl Law for StopLaw {
+    fn parameters(&self) -> &Parameters {
+        &self.parameters
+    }
+
+    fn hooks(&self) -> &'static [Hook] {
+        &[Hook::LinkLoad]
+    }
+
+    acts_on_joints!();
+}
+
+impl StopLaw {
+    fn act<T: Quantity>(&self, _hook: Hook, at: &At<'_, T>, load: T) -> T {
+        let [q_max, q_min, k] = *at.parameters else { return load };
+        let k = k.exp();
+        let push =
+            |depth: T, rate: T| k * depth.ramp(CORNER_RAD) * (rate * DAMPING_S_RAD + T::from(1.0)).ramp(CORNER_RATE);
+        load + push(at.q - q_max, at.qd) - push(q_min - at.q, -at.qd)
+    }
+}
+
+fn laws(robot: &Robot) -> Laws {
+    let mut joints = draw::elastic(robot);
+    joints.retain(|j| robot.joints[*j].limits[0] < 0.0 && robot.joints[*j].limits[1] > 0.0);
+    let joints = draw::some(EFFECT.id, joints, "no joint turns to both sides through an elastic transmission")?;
+    let stiffest = joints.iter().map(|joint| draw::nominal(robot, Symbol::KS, *joint)).fold(0.0, f64::max);
+    let with = |share: f64| {
+        let mut parameters = Parameters::new(EFFECT.id);
+        for (side, name) in ["q_min", "q_max"].into_iter().enumerate().rev() {
+            for &joint in &joints {
+                parameters.plain(name, "rad", Of::Joint(joint), share * robot.joints[joint].limits[side]);
+            }
+        }
+        parameters.positive("k", "N m/rad", Of::All, 5.0 * stiffest);
+        StopLaw { parameters }
+    };
+    each([0.58, 0.68, 0.47].map(with))
 }

@@ -6,11 +6,13 @@
 
 use rand::{Rng, RngExt};
 
-use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Size, draw};
+use super::surrogate::{At, Hook, Law, Laws, Of, Parameters, Quantity, acts_on_joints, only};
+use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Row, Size, draw};
 use crate::robot::Robot;
 
 pub(super) const EFFECT: Effect = Effect {
     id: "friction_drift",
+    row: Row::Motor,
     title: "friction falls as the robot warms up",
     equation: "μ (1 + a e^(−t/T)) sgn θ̇",
     parameters: &[
@@ -21,6 +23,7 @@ pub(super) const EFFECT: Effect = Effect {
     about: "Cold grease is stiff. Over the first minute the friction falls towards what it is in a warm robot, the μ of \
             the base model. A motion that does the same thing early and late shows it.",
     make,
+    laws,
 };
 
 const RATIO: [f64; 3] = [0.12, 0.22, 0.35];
@@ -47,4 +50,43 @@ fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectEr
     let mut values: Vec<_> = draw::of_joints(EFFECT.id, "a", "1", &joints, &ratio).collect();
     values.push(draw::single(EFFECT.id, "T", "s", time_constant_s));
     Ok(Hidden { id: EFFECT.id, values, physics: Box::new(FrictionDrift { ratio, time_constant_s }) })
+}
+
+/// Where the search for T starts, s.
+const START_S: f64 = 35.0;
+
+/// Linear in a; T by its logarithm.
+#[derive(Debug)]
+struct DriftLaw {
+    parameters: Parameters,
+}
+
+impl Law for DriftLaw {
+    fn parameters(&self) -> &Parameters {
+        &self.parameters
+    }
+
+    fn hooks(&self) -> &'static [Hook] {
+        &[Hook::Friction]
+    }
+
+    acts_on_joints!();
+}
+
+impl DriftLaw {
+    fn act<T: Quantity>(&self, _hook: Hook, at: &At<'_, T>, torque: T) -> T {
+        let [ratio, time_constant] = *at.parameters else { return torque };
+        let decay = (-((-time_constant).exp() * at.time_s)).exp();
+        torque + at.coulomb() * ratio * decay
+    }
+}
+
+fn laws(robot: &Robot) -> Laws {
+    let joints = draw::some(EFFECT.id, draw::rubbing(robot), draw::NO_FRICTION)?;
+    let mut parameters = Parameters::new(EFFECT.id);
+    for joint in joints {
+        parameters.plain("a", "1", Of::Joint(joint), 0.0);
+    }
+    parameters.positive("T", "s", Of::All, START_S);
+    only(DriftLaw { parameters })
 }

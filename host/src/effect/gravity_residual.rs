@@ -8,11 +8,13 @@
 
 use rand::{Rng, RngExt};
 
-use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Size, draw};
+use super::surrogate::{At, Hook, Law, Laws, Of, Parameters, Quantity, acts_on_joints, only};
+use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Row, Size, draw};
 use crate::robot::{GravityLoad, Robot};
 
 pub(super) const EFFECT: Effect = Effect {
     id: "gravity_residual",
+    row: Row::Link,
     title: "gravity that the counter-springs leave over",
     equation: "G sin(q + q₀) on the link's row",
     parameters: &[
@@ -23,6 +25,7 @@ pub(super) const EFFECT: Effect = Effect {
     about: "Springs that balance a link are set by hand, and a costume or a new head changes what they have to hold. \
             Within half a radian it is a spring; only the cubic term tells it from a cable's.",
     make,
+    laws,
 };
 
 /// Shares of the torque at full voltage.
@@ -54,4 +57,41 @@ fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectEr
     let mut values: Vec<_> = draw::of_joints(EFFECT.id, "G", "N m", &joints, &torque).collect();
     values.extend(draw::of_joints(EFFECT.id, "q0", "rad", &joints, &angle));
     Ok(Hidden { id: EFFECT.id, values, physics: Box::new(GravityResidual { torque, angle }) })
+}
+
+/// Linear in G cos q₀ and G sin q₀.
+#[derive(Debug)]
+struct GravityLaw {
+    parameters: Parameters,
+}
+
+impl Law for GravityLaw {
+    fn parameters(&self) -> &Parameters {
+        &self.parameters
+    }
+
+    fn hooks(&self) -> &'static [Hook] {
+        &[Hook::LinkLoad]
+    }
+
+    acts_on_joints!();
+}
+
+impl GravityLaw {
+    fn act<T: Quantity>(&self, _hook: Hook, at: &At<'_, T>, load: T) -> T {
+        let [along, across] = *at.parameters else { return load };
+        let (sin, cos) = at.q.sin_cos();
+        load + along * sin + across * cos
+    }
+}
+
+fn laws(robot: &Robot) -> Laws {
+    let mut joints = draw::turning(robot);
+    joints.retain(|j| robot.joints[*j].gravity == GravityLoad::Compensated && draw::full_torque(robot, *j) > 0.0);
+    let joints = draw::some(EFFECT.id, joints, "no joint's gravity is compensated")?;
+    let mut parameters = Parameters::new(EFFECT.id);
+    for joint in joints {
+        parameters.signed_wave(("G", "N m"), "q0", Of::Joint(joint), [0.0; 2]);
+    }
+    only(GravityLaw { parameters })
 }

@@ -6,11 +6,14 @@
 
 use rand::{Rng, RngExt};
 
-use super::{Effect, EffectError, EffectParameter, Hidden, Physics, Size, draw};
+use super::surrogate::{Law, Laws, Of, Parameters, Quantity, only};
+use super::{Effect, EffectError, EffectParameter, Hidden, Physics, Row, Size, draw};
+use crate::model::law::{Broad, GyroAt};
 use crate::robot::{Robot, Vector3};
 
 pub(super) const EFFECT: Effect = Effect {
     id: "gyro_bias_drift",
+    row: Row::Sensor,
     title: "drift of the gyros' bias",
     equation: "bias + a (1 − e^(−t/T))",
     parameters: &[
@@ -25,6 +28,7 @@ pub(super) const EFFECT: Effect = Effect {
     about: "The bias of a gyro depends on its temperature. What the first three seconds at rest say of it no longer holds \
             a minute later. The encoders do not drift along.",
     make,
+    laws,
 };
 
 const DRIFT_RAD_S: [f64; 3] = [0.006, 0.016, 0.043];
@@ -59,4 +63,42 @@ fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectEr
     let mut values = draw::of_gyro_axes(EFFECT.id, "a", "rad/s", &drift);
     values.push(draw::single(EFFECT.id, "T", "s", time_constant_s));
     Ok(Hidden { id: EFFECT.id, values, physics: Box::new(GyroBiasDrift { drift, time_constant_s }) })
+}
+
+/// Where the search for T starts, s.
+const START_S: f64 = 25.0;
+
+/// Linear in a; T by its logarithm.
+#[derive(Debug)]
+struct BiasLaw {
+    parameters: Parameters,
+}
+
+impl Law for BiasLaw {
+    fn parameters(&self) -> &Parameters {
+        &self.parameters
+    }
+
+    fn sees_gyro(&self, _gyro: usize) -> bool {
+        true
+    }
+
+    fn gyro(&self, at: &GyroAt<'_, Broad>, rate: [Broad; 3], bias: [Broad; 3]) -> [Broad; 3] {
+        // The last one is ln T.
+        let grown = Broad::from(1.0) - (-((-at.parameters[3]).exp() * at.time_s)).exp();
+        std::array::from_fn(|axis| rate[axis] + bias[axis] + grown * at.parameters[axis])
+    }
+}
+
+fn laws(robot: &Robot) -> Laws {
+    let gyros = robot.gyros().count();
+    if gyros == 0 {
+        return Err(EffectError::Unsuited { effect: EFFECT.id, reason: "the robot has no gyro" });
+    }
+    let mut parameters = Parameters::new(EFFECT.id);
+    for (gyro, axis) in (0..gyros).flat_map(|gyro| [0, 1, 2].map(|axis| (gyro, axis))) {
+        parameters.plain("a", "rad/s", Of::GyroAxis(gyro, axis), 0.0);
+    }
+    parameters.positive("T", "s", Of::All, START_S);
+    only(BiasLaw { parameters })
 }

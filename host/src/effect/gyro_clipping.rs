@@ -6,11 +6,14 @@
 
 use rand::Rng;
 
-use super::{Effect, EffectError, EffectParameter, Hidden, Physics, Size, draw};
+use super::surrogate::{Law, Laws, Of, Parameters, Quantity, each};
+use super::{Effect, EffectError, EffectParameter, Hidden, Physics, Row, Size, draw};
+use crate::model::law::{Broad, GyroAt};
 use crate::robot::{Robot, Vector3};
 
 pub(super) const EFFECT: Effect = Effect {
     id: "gyro_clipping",
+    row: Row::Sensor,
     title: "gyro range exceeded",
     equation: "clip(ω, ±FS)",
     parameters: &[EffectParameter {
@@ -22,6 +25,7 @@ pub(super) const EFFECT: Effect = Effect {
     about: "A gyro set to a smaller range than its description says puts out its full scale while the robot turns faster. \
             Peaks are flat, and everything below them is as it should be.",
     make,
+    laws,
 };
 
 /// Full scale, rad/s. The stronger the effect, the smaller the range.
@@ -48,4 +52,46 @@ fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectEr
     let gyros: Vec<usize> = (0..full_scale.len()).collect();
     let values = draw::of_joints(EFFECT.id, "fs", "rad/s", &gyros, &full_scale).collect();
     Ok(Hidden { id: EFFECT.id, values, physics: Box::new(GyroClipping { full_scale }) })
+}
+
+/// Over what the law's corners are rounded, rad/s.
+const CORNER_RAD_S: f64 = 2e-3;
+
+/// The corners are rounded over some of the noise.
+#[derive(Debug)]
+struct ClippingLaw {
+    parameters: Parameters,
+}
+
+impl Law for ClippingLaw {
+    fn parameters(&self) -> &Parameters {
+        &self.parameters
+    }
+
+    fn sees_gyro(&self, _gyro: usize) -> bool {
+        true
+    }
+
+    fn gyro(&self, at: &GyroAt<'_, Broad>, rate: [Broad; 3], bias: [Broad; 3]) -> [Broad; 3] {
+        let full_scale = at.parameters[0];
+        std::array::from_fn(|axis| {
+            let reading = rate[axis] + bias[axis];
+            reading - (reading - full_scale).ramp(CORNER_RAD_S) + (-reading - full_scale).ramp(CORNER_RAD_S)
+        })
+    }
+}
+
+fn laws(robot: &Robot) -> Laws {
+    let gyros = robot.gyros().count();
+    if gyros == 0 {
+        return Err(EffectError::Unsuited { effect: EFFECT.id, reason: "the robot has no gyro" });
+    }
+    let with = |start: f64| {
+        let mut parameters = Parameters::new(EFFECT.id);
+        for gyro in 0..gyros {
+            parameters.plain("fs", "rad/s", Of::Gyro(gyro), start);
+        }
+        ClippingLaw { parameters }
+    };
+    each([FULL_SCALE_RAD_S[1], FULL_SCALE_RAD_S[0], FULL_SCALE_RAD_S[2]].map(with))
 }

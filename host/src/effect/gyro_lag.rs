@@ -6,11 +6,13 @@
 
 use rand::Rng;
 
-use super::{Effect, EffectError, EffectParameter, Hidden, Line, Physics, Size, draw};
+use super::surrogate::{Law, Laws, Of, Parameters, each};
+use super::{Effect, EffectError, EffectParameter, Hidden, Line, Physics, Row, Size, draw};
 use crate::robot::{Robot, Vector3};
 
 pub(super) const EFFECT: Effect = Effect {
     id: "gyro_lag",
+    row: Row::Sensor,
     title: "delay of the gyros' filters",
     equation: "T ω̇_f = ω − ω_f, the reading is ω_f",
     parameters: &[EffectParameter { name: "T[gyro]", unit: "s", sizes: "0.5, 1.5, 4 ms (0.3 to 5 met)" }],
@@ -18,6 +20,7 @@ pub(super) const EFFECT: Effect = Effect {
     about: "A gyro filters its signal before it is read; the lower the bandwidth, the later the reading. Against \
             encoders that are read at once the links seem to follow their motors late, like behind a softer belt.",
     make,
+    laws,
 };
 
 const TIME_CONSTANT_S: [f64; 3] = [0.5e-3, 1.5e-3, 4e-3];
@@ -58,4 +61,35 @@ fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectEr
     let gyros: Vec<usize> = (0..time_constant.len()).collect();
     let values = draw::of_joints(EFFECT.id, "T", "s", &gyros, &time_constant).collect();
     Ok(Hidden { id: EFFECT.id, values, physics: Box::new(GyroLag { time_constant }) })
+}
+
+/// The same filter, whose three states a gyro are in the body's axes; T by its logarithm.
+#[derive(Debug)]
+struct FilterLaw {
+    parameters: Parameters,
+}
+
+impl Law for FilterLaw {
+    fn parameters(&self) -> &Parameters {
+        &self.parameters
+    }
+
+    fn gyro_lag(&self, gyro: usize) -> Option<usize> {
+        Some(gyro)
+    }
+}
+
+fn laws(robot: &Robot) -> Laws {
+    let gyros = robot.gyros().count();
+    if gyros == 0 {
+        return Err(EffectError::Unsuited { effect: EFFECT.id, reason: "the robot has no gyro" });
+    }
+    let with = |start_s: f64| {
+        let mut parameters = Parameters::new(EFFECT.id);
+        for gyro in 0..gyros {
+            parameters.positive("T", "s", Of::Gyro(gyro), start_s);
+        }
+        FilterLaw { parameters }
+    };
+    each([1.5, 0.7, 4.0].map(|periods| with(periods * robot.sample_period_s)))
 }

@@ -6,11 +6,14 @@
 
 use rand::Rng;
 
-use super::{Effect, EffectError, EffectParameter, Hidden, Physics, Size, draw};
+use super::surrogate::{Law, Laws, Of, Parameters, only};
+use super::{Effect, EffectError, EffectParameter, Hidden, Physics, Row, Size, draw};
+use crate::model::law::{Broad, GyroAt};
 use crate::robot::{Robot, Vector3};
 
 pub(super) const EFFECT: Effect = Effect {
     id: "gyro_scale",
+    row: Row::Sensor,
     title: "scale error of the gyros",
     equation: "(I + A) ω",
     parameters: &[EffectParameter {
@@ -22,6 +25,7 @@ pub(super) const EFFECT: Effect = Effect {
     about: "Cheap gyros are trimmed to a per cent or two. The encoders say how far the robot turned, the gyro's integral \
             says something else, in the same proportion slow or fast.",
     make,
+    laws,
 };
 
 const ERROR: [f64; 3] = [0.006, 0.016, 0.043];
@@ -50,4 +54,36 @@ fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectEr
     }
     let values = draw::of_gyro_axes(EFFECT.id, "A", "1", &errors);
     Ok(Hidden { id: EFFECT.id, values, physics: Box::new(GyroScale { errors }) })
+}
+
+/// Linear in A.
+#[derive(Debug)]
+struct ScaleLaw {
+    parameters: Parameters,
+}
+
+impl Law for ScaleLaw {
+    fn parameters(&self) -> &Parameters {
+        &self.parameters
+    }
+
+    fn sees_gyro(&self, _gyro: usize) -> bool {
+        true
+    }
+
+    fn gyro(&self, at: &GyroAt<'_, Broad>, rate: [Broad; 3], bias: [Broad; 3]) -> [Broad; 3] {
+        std::array::from_fn(|axis| (Broad::from(1.0) + at.parameters[axis]) * rate[axis] + bias[axis])
+    }
+}
+
+fn laws(robot: &Robot) -> Laws {
+    let gyros = robot.gyros().count();
+    if gyros == 0 {
+        return Err(EffectError::Unsuited { effect: EFFECT.id, reason: "the robot has no gyro" });
+    }
+    let mut parameters = Parameters::new(EFFECT.id);
+    for (gyro, axis) in (0..gyros).flat_map(|gyro| [0, 1, 2].map(|axis| (gyro, axis))) {
+        parameters.plain("A", "1", Of::GyroAxis(gyro, axis), 0.0);
+    }
+    only(ScaleLaw { parameters })
 }

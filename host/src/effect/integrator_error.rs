@@ -9,11 +9,13 @@
 
 use rand::Rng;
 
-use super::{Effect, EffectError, Hidden, Physics, Size};
+use super::surrogate::{Law, Laws, Parameters, only};
+use super::{Effect, EffectError, Hidden, Physics, Row, Size};
 use crate::robot::Robot;
 
 pub(super) const EFFECT: Effect = Effect {
     id: "integrator_error",
+    row: Row::Timing,
     title: "integration in too coarse steps",
     equation: "x + T_s f(x, u): explicit Euler at the sample period",
     parameters: &[],
@@ -21,6 +23,7 @@ pub(super) const EFFECT: Effect = Effect {
     about: "Explicit Euler is a damper of −k_s T_s on every belt, and at reversals of friction it looks like a Stribeck \
             bump or half a sample of delay. A simulator with a coarse step makes such recordings, whatever the size.",
     make,
+    laws,
 };
 
 #[derive(Debug)]
@@ -40,4 +43,24 @@ fn make(robot: &Robot, _size: Size, _rng: &mut dyn Rng) -> Result<Hidden, Effect
         values: Vec::new(),
         physics: Box::new(IntegratorError { period_s: robot.sample_period_s }),
     })
+}
+
+/// The model takes the same steps.
+#[derive(Debug)]
+struct EulerLaw {
+    parameters: Parameters,
+}
+
+impl Law for EulerLaw {
+    fn parameters(&self) -> &Parameters {
+        &self.parameters
+    }
+
+    fn euler(&self) -> bool {
+        true
+    }
+}
+
+fn laws(_robot: &Robot) -> Laws {
+    only(EulerLaw { parameters: Parameters::new(EFFECT.id) })
 }

@@ -6,11 +6,13 @@
 
 use rand::Rng;
 
-use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Size, draw};
+use super::surrogate::{At, Hook, Law, Laws, Of, Parameters, Quantity, acts_on_joints, only};
+use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Row, Size, draw};
 use crate::robot::{Robot, Symbol};
 
 pub(super) const EFFECT: Effect = Effect {
     id: "link_friction",
+    row: Row::Link,
     title: "friction on the link's side",
     equation: "μ_l sgn q̇ + v_l q̇ on the link's row",
     parameters: &[
@@ -21,6 +23,7 @@ pub(super) const EFFECT: Effect = Effect {
     about: "The link turns in bearings of its own, behind the spring. In slow motion the motor feels them through the \
             belt as its own friction; when the belt swings, only the link's part damps the link.",
     make,
+    laws,
 };
 
 /// μ_l, shares of the torque at full voltage.
@@ -61,4 +64,43 @@ fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectEr
     let mut values: Vec<_> = draw::of_joints(EFFECT.id, "mu_l", "N m", &joints, &mu).collect();
     values.extend(draw::of_joints(EFFECT.id, "v_l", "N m s/rad", &joints, &v));
     Ok(Hidden { id: EFFECT.id, values, physics: Box::new(LinkFriction { mu, v }) })
+}
+
+/// Linear in both.
+#[derive(Debug)]
+struct LinkFrictionLaw {
+    parameters: Parameters,
+}
+
+impl Law for LinkFrictionLaw {
+    fn parameters(&self) -> &Parameters {
+        &self.parameters
+    }
+
+    fn hooks(&self) -> &'static [Hook] {
+        &[Hook::LinkLoad]
+    }
+
+    acts_on_joints!();
+}
+
+impl LinkFrictionLaw {
+    fn act<T: Quantity>(&self, _hook: Hook, at: &At<'_, T>, load: T) -> T {
+        let [mu, v] = *at.parameters else { return load };
+        load + mu * (at.qd * (0.5 * SLOPE_S)).tanh() + v * at.qd
+    }
+}
+
+fn laws(robot: &Robot) -> Laws {
+    let mut joints = draw::elastic(robot);
+    joints.retain(|joint| draw::full_torque(robot, *joint) > 0.0);
+    let joints = draw::some(EFFECT.id, joints, "no joint is turned by a voltage through an elastic transmission")?;
+    let mut parameters = Parameters::new(EFFECT.id);
+    for &joint in &joints {
+        parameters.plain("mu_l", "N m", Of::Joint(joint), 0.0);
+    }
+    for joint in joints {
+        parameters.plain("v_l", "N m s/rad", Of::Joint(joint), 0.0);
+    }
+    only(LinkFrictionLaw { parameters })
 }

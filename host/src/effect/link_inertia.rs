@@ -9,11 +9,14 @@
 
 use rand::Rng;
 
-use super::{Effect, EffectError, EffectParameter, Hidden, Physics, Size, draw};
+use super::surrogate::{Law, Laws, Of, Parameters, only};
+use super::{Effect, EffectError, EffectParameter, Hidden, Physics, Row, Size, draw};
+use crate::model::law::Payload;
 use crate::robot::{Body, JointKind, Robot, Vector3};
 
 pub(super) const EFFECT: Effect = Effect {
     id: "link_inertia",
+    row: Row::Link,
     title: "payload, or inertia other than in the drawings",
     equation: "J + m (p·p 1 − p pᵀ), a point mass at the head",
     parameters: &[EffectParameter {
@@ -25,6 +28,7 @@ pub(super) const EFFECT: Effect = Effect {
     about: "A costume, a camera, a head that is heavier than in the drawings. A common factor on all inertias would be a \
             common factor on stiffness and motor: only a change of shape shows.",
     make,
+    laws,
 };
 
 /// m p² as a share of the outermost body's inertia about its joint's origin, across the way to its centre.
@@ -45,18 +49,25 @@ impl Physics for LinkInertia {
 }
 
 fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectError> {
-    let unsuited = |reason| EffectError::Unsuited { effect: EFFECT.id, reason };
-    let outermost = robot.joints.len() - 1;
+    let (outermost, at_m) = head(robot)?;
     let joint = &robot.joints[outermost];
-    let at_m = joint.body.centre_m.map(|c| 4.0 / 3.0 * c);
     let arm_squared: f64 = at_m.iter().map(|p| p * p).sum();
-    if joint.kind != JointKind::Revolute || arm_squared == 0.0 {
-        return Err(unsuited("the outermost body does not turn about a point beside its centre"));
-    }
     let inertia = joint.body.mass_kg * arm_squared * 9.0 / 16.0 + mean_across(&joint.body);
     let mass_kg = size.draw(SHARE.map(|share| share * inertia / arm_squared), rng);
     let values = vec![draw::single(EFFECT.id, "m", "kg", mass_kg)];
     Ok(Hidden { id: EFFECT.id, values, physics: Box::new(LinkInertia { outermost, mass_kg, at_m }) })
+}
+
+/// The outermost joint, and the head in its body's axes, m.
+fn head(robot: &Robot) -> Result<(usize, Vector3), EffectError> {
+    let outermost = robot.joints.len() - 1;
+    let joint = &robot.joints[outermost];
+    let at_m = joint.body.centre_m.map(|c| 4.0 / 3.0 * c);
+    if joint.kind != JointKind::Revolute || at_m == [0.0; 3] {
+        let reason = "the outermost body does not turn about a point beside its centre";
+        return Err(EffectError::Unsuited { effect: EFFECT.id, reason });
+    }
+    Ok((outermost, at_m))
 }
 
 /// Inertia about the centre, mean of the two axes across the way to it, kg m².
@@ -83,4 +94,28 @@ fn with_point_mass(body: Body, mass_kg: f64, at_m: Vector3) -> Body {
         }
     }
     Body { mass_kg: total, centre_m, inertia_kg_m2 }
+}
+
+/// The same mass; the chain's equations are linear in it.
+#[derive(Debug)]
+struct PayloadLaw {
+    parameters: Parameters,
+    payload: Payload,
+}
+
+impl Law for PayloadLaw {
+    fn parameters(&self) -> &Parameters {
+        &self.parameters
+    }
+
+    fn payload(&self) -> Option<Payload> {
+        Some(self.payload)
+    }
+}
+
+fn laws(robot: &Robot) -> Laws {
+    let (joint, at_m) = head(robot)?;
+    let mut parameters = Parameters::new(EFFECT.id);
+    let mass = parameters.plain("m", "kg", Of::All, 0.0);
+    only(PayloadLaw { parameters, payload: Payload { joint, at_m, mass } })
 }

@@ -6,11 +6,13 @@
 
 use rand::Rng;
 
-use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Size, draw};
+use super::surrogate::{At, Hook, Law, Laws, Of, Parameters, Quantity, acts_on_joints, only};
+use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Row, Size, draw};
 use crate::robot::{Robot, Symbol};
 
 pub(super) const EFFECT: Effect = Effect {
     id: "load_friction",
+    row: Row::Motor,
     title: "friction that grows with the load",
     equation: "μ (1 + a |τ_c|) sgn θ̇",
     parameters: &[EffectParameter { name: "a[i]", unit: "1/(N m)", sizes: "0.6, 1.6, 4.3 % per N m (0.5 to 5 met)" }],
@@ -18,6 +20,7 @@ pub(super) const EFFECT: Effect = Effect {
     about: "The torque that a belt carries also presses its pulleys into their bearings. An efficiency below one is this \
             effect; at constant acceleration it looks like a weaker motor.",
     make,
+    laws,
 };
 
 /// a times the torque of a windup of 0.1 rad.
@@ -45,4 +48,40 @@ fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectEr
     let a = draw::per_joint(robot, &joints, size, SHARE, unit, rng);
     let values = draw::of_joints(EFFECT.id, "a", "1/(N m)", &joints, &a).collect();
     Ok(Hidden { id: EFFECT.id, values, physics: Box::new(LoadFriction { a }) })
+}
+
+/// Linear in a.
+#[derive(Debug)]
+struct LoadLaw {
+    parameters: Parameters,
+}
+
+impl Law for LoadLaw {
+    fn parameters(&self) -> &Parameters {
+        &self.parameters
+    }
+
+    fn hooks(&self) -> &'static [Hook] {
+        &[Hook::Friction]
+    }
+
+    acts_on_joints!();
+}
+
+impl LoadLaw {
+    fn act<T: Quantity>(&self, _hook: Hook, at: &At<'_, T>, torque: T) -> T {
+        let [a] = *at.parameters else { return torque };
+        torque + at.coulomb() * a * at.transmitted.abs()
+    }
+}
+
+fn laws(robot: &Robot) -> Laws {
+    let mut joints = draw::elastic(robot);
+    joints.retain(|joint| draw::nominal(robot, Symbol::Mu, *joint) > 0.0);
+    let joints = draw::some(EFFECT.id, joints, "no joint turns with friction through an elastic transmission")?;
+    let mut parameters = Parameters::new(EFFECT.id);
+    for joint in joints {
+        parameters.plain("a", "1/(N m)", Of::Joint(joint), 0.0);
+    }
+    only(LoadLaw { parameters })
 }

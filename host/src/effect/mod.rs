@@ -9,15 +9,19 @@
 //! and asks every effect it has at the quantities that an effect may change ([`Physics`]); an effect that has nothing
 //! to say leaves them as they are. A plant's effect is written to the physics, not to what an estimator can fit.
 
-use rand::{Rng, RngExt};
-use serde::Serialize;
+use std::sync::Arc;
 
+use rand::{Rng, RngExt};
+use serde::{Deserialize, Serialize};
+
+use crate::model::law::Law;
 use crate::robot::Robot;
 
 mod draw;
 mod error;
 mod past;
 mod physics;
+mod surrogate;
 #[cfg(test)]
 mod tests;
 
@@ -105,6 +109,8 @@ pub const CATALOGUE: [&Effect; 35] = [
 pub struct Effect {
     /// The id on the command line and in results.
     pub id: &'static str,
+    /// Which equation it stands in.
+    pub row: Row,
     /// What it is, in a few words.
     pub title: &'static str,
     /// The law.
@@ -118,6 +124,23 @@ pub struct Effect {
     /// Makes one for a robot.
     #[serde(skip)]
     make: fn(&Robot, Size, &mut dyn Rng) -> Result<Hidden, EffectError>,
+    /// Makes its laws for a robot.
+    #[serde(skip)]
+    laws: fn(&Robot) -> surrogate::Laws,
+}
+
+/// Which equation is concerned.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Row {
+    /// M(q) q̈ = …
+    Link,
+    /// b θ̈ = …
+    Motor,
+    /// What a sensor reads.
+    Sensor,
+    /// When something happens.
+    Timing,
 }
 
 /// A parameter of an effect.
@@ -188,6 +211,14 @@ impl Effect {
             return Err(EffectError::Size { effect: self.id, size: value.to_string() });
         }
         (self.make)(robot, size, rng)
+    }
+
+    /// Its law for an estimator: alternatives that start elsewhere or have another shape, the usual one first.
+    ///
+    /// # Errors
+    /// [`EffectError::Unsuited`] if this robot cannot have it, or no motion could show it.
+    pub fn laws(&self, robot: &Robot) -> Result<Vec<Arc<dyn Law>>, EffectError> {
+        (self.laws)(robot)
     }
 }
 

@@ -8,11 +8,13 @@
 
 use rand::{Rng, RngExt};
 
-use super::{Effect, EffectError, EffectParameter, Hidden, Physics, Size, draw};
+use super::surrogate::{At, Differences, Hook, Law, Laws, Parameters, Quantity, acts_on_joints, only};
+use super::{Effect, EffectError, EffectParameter, Hidden, Physics, Row, Size, draw};
 use crate::robot::{Robot, Symbol};
 
 pub(super) const EFFECT: Effect = Effect {
     id: "motor_mismatch",
+    row: Row::Motor,
     title: "motors that are not identical",
     equation: "b (1 + db_i), k_pwm (1 + dk_pwm_i), k_mi (1 + dk_mi_i)",
     parameters: &[
@@ -24,6 +26,7 @@ pub(super) const EFFECT: Effect = Effect {
     about: "Magnets and windings of one batch differ by some per cent, and so do the pulleys behind them. A model that \
             gives all motors one number averages over them.",
     make,
+    laws,
 };
 
 const LARGEST: [f64; 3] = [0.04, 0.08, 0.13];
@@ -69,4 +72,55 @@ fn balanced(count: usize, largest: f64, rng: &mut dyn Rng) -> Vec<f64> {
             return d.into_iter().map(|d| d * largest / most).collect();
         }
     }
+}
+
+/// The same differences.
+#[derive(Debug)]
+struct MismatchLaw {
+    parameters: Parameters,
+    /// For each of [`SYMBOLS`].
+    differences: [Differences; 3],
+}
+
+impl Law for MismatchLaw {
+    fn parameters(&self) -> &Parameters {
+        &self.parameters
+    }
+
+    fn hooks(&self) -> &'static [Hook] {
+        &[Hook::MotorInertia, Hook::MotorTorque]
+    }
+
+    fn local(&self, joint: usize) -> Vec<usize> {
+        self.differences.iter().flat_map(|differences| differences.local(joint)).collect()
+    }
+
+    acts_on_joints!();
+}
+
+impl MismatchLaw {
+    fn act<T: Quantity>(&self, hook: Hook, at: &At<'_, T>, quantity: T) -> T {
+        let mut rest = at.parameters;
+        let [db, dk_pwm, dk_mi] = std::array::from_fn(|which| {
+            let (mine, others) = rest.split_at(self.differences[which].local(at.joint).count());
+            rest = others;
+            self.differences[which].value(at.joint, mine)
+        });
+        match hook {
+            Hook::MotorInertia => quantity * (db + T::from(1.0)),
+            _ => quantity + dk_pwm * at.driving - dk_mi * at.k_mi * at.thetad,
+        }
+    }
+}
+
+fn laws(robot: &Robot) -> Laws {
+    let joints: Vec<usize> = (0..robot.joints.len()).collect();
+    let mut parameters = Parameters::new(EFFECT.id);
+    let differences =
+        SYMBOLS.map(|(symbol, name)| Differences::of(robot, &mut parameters, (symbol, name, "1"), &joints));
+    if differences.iter().all(Differences::is_empty) {
+        let reason = "every motor has parameters of its own already";
+        return Err(EffectError::Unsuited { effect: EFFECT.id, reason });
+    }
+    only(MismatchLaw { parameters, differences })
 }

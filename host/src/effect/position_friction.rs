@@ -6,11 +6,13 @@
 
 use rand::Rng;
 
-use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Size, draw};
+use super::surrogate::{At, Hook, Law, Laws, Of, Parameters, Quantity, acts_on_joints, only};
+use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Row, Size, draw};
 use crate::robot::Robot;
 
 pub(super) const EFFECT: Effect = Effect {
     id: "position_friction",
+    row: Row::Motor,
     title: "friction that varies with the angle",
     equation: "μ (1 + a cos(θ − φ)) sgn θ̇",
     parameters: &[
@@ -21,6 +23,7 @@ pub(super) const EFFECT: Effect = Effect {
     about: "A bent shaft, a pulley that is not round or a cable that rubs in one pose: friction is higher on one side of \
             the circle than on the other. Over a small range of motion it is a slope, not a wave.",
     make,
+    laws,
 };
 
 const RATIO: [f64; 3] = [0.06, 0.14, 0.26];
@@ -46,4 +49,39 @@ fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectEr
     let mut values: Vec<_> = draw::of_joints(EFFECT.id, "a", "1", &joints, &ratio).collect();
     values.extend(draw::of_joints(EFFECT.id, "phi", "rad", &joints, &phase));
     Ok(Hidden { id: EFFECT.id, values, physics: Box::new(PositionFriction { ratio, phase }) })
+}
+
+/// Linear in a cos φ and a sin φ.
+#[derive(Debug)]
+struct PositionLaw {
+    parameters: Parameters,
+}
+
+impl Law for PositionLaw {
+    fn parameters(&self) -> &Parameters {
+        &self.parameters
+    }
+
+    fn hooks(&self) -> &'static [Hook] {
+        &[Hook::Friction]
+    }
+
+    acts_on_joints!();
+}
+
+impl PositionLaw {
+    fn act<T: Quantity>(&self, _hook: Hook, at: &At<'_, T>, torque: T) -> T {
+        let [along, across] = *at.parameters else { return torque };
+        let (sin, cos) = at.theta.sin_cos();
+        torque + at.coulomb() * (along * cos + across * sin)
+    }
+}
+
+fn laws(robot: &Robot) -> Laws {
+    let joints = draw::some(EFFECT.id, draw::rubbing(robot), draw::NO_FRICTION)?;
+    let mut parameters = Parameters::new(EFFECT.id);
+    for joint in joints {
+        parameters.wave(("a", "1"), "phi", Of::Joint(joint), [0.0; 2]);
+    }
+    only(PositionLaw { parameters })
 }

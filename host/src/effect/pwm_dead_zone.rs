@@ -6,11 +6,13 @@
 
 use rand::Rng;
 
-use super::{Effect, EffectError, EffectParameter, Hidden, Past, Physics, Size, draw};
+use super::surrogate::{At, Hook, Law, Laws, Of, Parameters, Quantity, acts_on_joints, only};
+use super::{Effect, EffectError, EffectParameter, Hidden, Past, Physics, Row, Size, draw};
 use crate::robot::{InputUnit, Robot};
 
 pub(super) const EFFECT: Effect = Effect {
     id: "pwm_dead_zone",
+    row: Row::Motor,
     title: "dead zone of the motor driver",
     equation: "sgn u · max(|u| − d, 0)",
     parameters: &[EffectParameter {
@@ -23,6 +25,7 @@ pub(super) const EFFECT: Effect = Effect {
             While a motor turns the way it is driven, this is Coulomb friction; only where it is driven against its \
             turning do the two have different signs.",
     make,
+    laws,
 };
 
 const DEAD_DUTY: [f64; 3] = [0.004, 0.012, 0.04];
@@ -47,4 +50,43 @@ fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectEr
     let dead_duty = draw::per_joint(robot, &joints, size, DEAD_DUTY, |_| 1.0, rng);
     let values = draw::of_joints(EFFECT.id, "d", "1", &joints, &dead_duty).collect();
     Ok(Hidden { id: EFFECT.id, values, physics: Box::new(PwmDeadZone { dead_duty }) })
+}
+
+/// The same equation; at d = 0 its slope is −sgn u.
+#[derive(Debug)]
+struct DeadZoneLaw {
+    parameters: Parameters,
+}
+
+impl Law for DeadZoneLaw {
+    fn parameters(&self) -> &Parameters {
+        &self.parameters
+    }
+
+    fn hooks(&self) -> &'static [Hook] {
+        &[Hook::Input]
+    }
+
+    acts_on_joints!();
+}
+
+impl DeadZoneLaw {
+    fn act<T: Quantity>(&self, _hook: Hook, at: &At<'_, T>, duty: T) -> T {
+        let [dead_duty] = *at.parameters else { return duty };
+        if duty.re().abs() <= dead_duty.re().max(0.0) {
+            return T::from(0.0);
+        }
+        duty - dead_duty * duty.re().signum()
+    }
+}
+
+fn laws(robot: &Robot) -> Laws {
+    if robot.input.unit != InputUnit::Duty {
+        return Err(EffectError::Unsuited { effect: EFFECT.id, reason: "the motors are not driven by a duty" });
+    }
+    let mut parameters = Parameters::new(EFFECT.id);
+    for joint in 0..robot.joints.len() {
+        parameters.plain("d", "1", Of::Joint(joint), 0.0);
+    }
+    only(DeadZoneLaw { parameters })
 }

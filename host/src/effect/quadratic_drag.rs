@@ -6,11 +6,13 @@
 
 use rand::Rng;
 
-use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Size, draw};
+use super::surrogate::{At, Hook, Law, Laws, Of, Parameters, Quantity, acts_on_joints, only};
+use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Row, Size, draw};
 use crate::robot::{Robot, Symbol};
 
 pub(super) const EFFECT: Effect = Effect {
     id: "quadratic_drag",
+    row: Row::Link,
     title: "air drag of the links",
     equation: "c q̇ |q̇| on the link's row",
     parameters: &[EffectParameter { name: "c[i]", unit: "N m s^2/rad^2", sizes: "0.06, 0.16, 0.43 (0.05 to 0.5 met)" }],
@@ -18,6 +20,7 @@ pub(super) const EFFECT: Effect = Effect {
     about: "Air resists with the square of the speed, a costume catches more of it. At the speeds of one stage it is \
             viscous friction; two stages of different speed separate them.",
     make,
+    laws,
 };
 
 /// Shares of (torque at full voltage) / (speed without load)².
@@ -47,4 +50,40 @@ fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectEr
     let c = draw::per_joint(robot, &joints, size, SHARE, unit, rng);
     let values = draw::of_joints(EFFECT.id, "c", "N m s^2/rad^2", &joints, &c).collect();
     Ok(Hidden { id: EFFECT.id, values, physics: Box::new(QuadraticDrag { c }) })
+}
+
+/// Linear in c.
+#[derive(Debug)]
+struct DragLaw {
+    parameters: Parameters,
+}
+
+impl Law for DragLaw {
+    fn parameters(&self) -> &Parameters {
+        &self.parameters
+    }
+
+    fn hooks(&self) -> &'static [Hook] {
+        &[Hook::LinkLoad]
+    }
+
+    acts_on_joints!();
+}
+
+impl DragLaw {
+    fn act<T: Quantity>(&self, _hook: Hook, at: &At<'_, T>, load: T) -> T {
+        let [c] = *at.parameters else { return load };
+        load + c * at.qd * at.qd.abs()
+    }
+}
+
+fn laws(robot: &Robot) -> Laws {
+    let mut joints = draw::turning(robot);
+    joints.retain(|joint| draw::full_torque(robot, *joint) > 0.0);
+    let joints = draw::some(EFFECT.id, joints, draw::NO_VOLTAGE)?;
+    let mut parameters = Parameters::new(EFFECT.id);
+    for joint in joints {
+        parameters.plain("c", "N m s^2/rad^2", Of::Joint(joint), 0.0);
+    }
+    only(DragLaw { parameters })
 }

@@ -13,11 +13,13 @@
 
 use rand::{Rng, RngExt};
 
-use super::{Effect, EffectError, EffectParameter, Hidden, Line, Moment, Physics, Size, draw};
+use super::surrogate::{At, Hook, Law, Laws, Of, Parameters, Quantity, acts_on_joints, each};
+use super::{Effect, EffectError, EffectParameter, Hidden, Line, Moment, Physics, Row, Size, draw};
 use crate::robot::{Robot, Symbol};
 
 pub(super) const EFFECT: Effect = Effect {
     id: "stribeck",
+    row: Row::Motor,
     title: "stiction and Stribeck friction",
     equation: "(μ_s − μ) e^−(θ̇/v_s)² sgn θ̇",
     parameters: &[
@@ -29,6 +31,7 @@ pub(super) const EFFECT: Effect = Effect {
             motor picks up speed: jerky starts and limit cycles. Too coarse an integration of plain Coulomb friction \
             looks like it, so the step is to be checked first.",
     make,
+    laws,
 };
 
 /// Δμ, shares of μ.
@@ -108,4 +111,48 @@ fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectEr
     let mut values: Vec<_> = draw::of_joints(EFFECT.id, "dmu", "N m", &joints, &dmu).collect();
     values.push(draw::single(EFFECT.id, "v_s", "rad/s", speed));
     Ok(Hidden { id: EFFECT.id, values, physics: Box::new(Stribeck { bristles, speed }) })
+}
+
+/// Where the law looks for v_s, rad/s. It is chosen, not fitted: a plant that sticks where equation (12) creeps would draw a free v_s into the
+/// last millimetres per second, and Δμ with it.
+const SPEEDS_RAD_S: [f64; 5] = [0.08, 0.05, 0.03, 0.13, 0.2];
+
+/// Stribeck's exponential on the smooth sign of equation (12), without a state of its own. Linear in Δμ.
+#[derive(Debug)]
+struct StribeckLaw {
+    parameters: Parameters,
+    /// v_s, rad/s.
+    speed: f64,
+}
+
+impl Law for StribeckLaw {
+    fn parameters(&self) -> &Parameters {
+        &self.parameters
+    }
+
+    fn hooks(&self) -> &'static [Hook] {
+        &[Hook::Friction]
+    }
+
+    acts_on_joints!();
+}
+
+impl StribeckLaw {
+    fn act<T: Quantity>(&self, _hook: Hook, at: &At<'_, T>, torque: T) -> T {
+        let [dmu] = *at.parameters else { return torque };
+        let share = at.friction_speed * self.speed.recip();
+        torque + dmu * (-(share * share)).exp() * at.friction_sign
+    }
+}
+
+fn laws(robot: &Robot) -> Laws {
+    let joints = draw::some(EFFECT.id, draw::rubbing(robot), draw::NO_FRICTION)?;
+    each(SPEEDS_RAD_S.map(|speed| {
+        let mut parameters = Parameters::new(EFFECT.id);
+        for &joint in &joints {
+            parameters.plain("dmu", "N m", Of::Joint(joint), 0.0);
+        }
+        parameters.chosen("v_s", "rad/s", speed);
+        StribeckLaw { parameters, speed }
+    }))
 }

@@ -13,11 +13,14 @@ use std::f64::consts::TAU;
 
 use rand::{Rng, RngExt};
 
-use super::{Effect, EffectError, EffectParameter, Hidden, PassiveJoint, Physics, Size, Structure, draw};
+use super::surrogate::{Law, Laws, Of, Parameters, each};
+use super::{Effect, EffectError, EffectParameter, Hidden, PassiveJoint, Physics, Row, Size, Structure, draw};
+use crate::model::law;
 use crate::robot::{Body, Matrix3, Robot, Vector3};
 
 pub(super) const EFFECT: Effect = Effect {
     id: "structure_mode",
+    row: Row::Link,
     title: "flexible rod or structure",
     equation: "passive joints about x, y after the last link: τ = −k φ − d φ̇",
     parameters: &[
@@ -32,12 +35,15 @@ pub(super) const EFFECT: Effect = Effect {
     about: "A rod of acrylic or a thin column bends when its head is accelerated. The gyro on the head sees it swing \
             after every step, the gyro below sees nothing of it: that tells it from a bearing under the robot.",
     make,
+    laws,
 };
 
 /// Natural frequency of the outer half, Hz.
 const FREQUENCY_HZ: [f64; 3] = [17.0, 11.0, 6.0];
 /// Of critical.
 const DAMPING_RATIO: std::ops::Range<f64> = 0.01..0.08;
+/// Where the search for the damping starts.
+const USUAL_RATIO: f64 = 0.04;
 const NAMES: [&str; 2] = ["x", "y"];
 
 #[derive(Debug)]
@@ -52,21 +58,9 @@ impl Physics for StructureMode {
 }
 
 fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectError> {
-    let unsuited = |reason| EffectError::Unsuited { effect: EFFECT.id, reason };
-    let last = robot.joints.last().ok_or_else(|| unsuited("the robot has no joint"))?;
-    let outer = outer_half(&last.body);
-    // Base axes → axes of each body in the marked pose.
-    let mut bodies = vec![[[0.0; 3]; 3]; robot.joints.len()];
-    robot.chain().body_rotations(&vec![0.0; robot.joints.len()], &mut bodies);
-    let to_body = bodies[robot.joints.len() - 1];
-
-    let mut joints = [PassiveJoint { axis: [0.0; 3], stiffness: 0.0, damping: 0.0 }; 2];
-    for (base_axis, joint) in joints.iter_mut().enumerate() {
-        joint.axis = std::array::from_fn(|i| to_body[i][base_axis]);
-        let inertia = about(&outer, joint.axis);
-        if inertia <= 0.0 {
-            return Err(unsuited("the outermost body has no inertia about x and y"));
-        }
+    let (outer, axes, inertia) = outer_part(robot)?;
+    let mut joints = axes.map(|axis| PassiveJoint { axis, stiffness: 0.0, damping: 0.0 });
+    for (joint, inertia) in joints.iter_mut().zip(inertia) {
         // k = (2π f)² I
         joint.stiffness = size.draw(FREQUENCY_HZ.map(|hz| (TAU * hz).powi(2) * inertia), rng);
         joint.damping = 2.0 * rng.random_range(DAMPING_RATIO) * (joint.stiffness * inertia).sqrt();
@@ -79,6 +73,23 @@ fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectEr
         }
     }
     Ok(Hidden { id: EFFECT.id, values, physics: Box::new(StructureMode { structure: Structure { outer, joints } }) })
+}
+
+/// The part that gives way, the axes of its joints in the axes of the body, and its inertia about them, kg m².
+fn outer_part(robot: &Robot) -> Result<(Body, [Vector3; 2], [f64; 2]), EffectError> {
+    let unsuited = |reason| EffectError::Unsuited { effect: EFFECT.id, reason };
+    let last = robot.joints.last().ok_or_else(|| unsuited("the robot has no joint"))?;
+    let outer = outer_half(&last.body);
+    // Base axes → axes of each body in the marked pose.
+    let mut bodies = vec![[[0.0; 3]; 3]; robot.joints.len()];
+    robot.chain().body_rotations(&vec![0.0; robot.joints.len()], &mut bodies);
+    let to_body = bodies[robot.joints.len() - 1];
+    let axes: [Vector3; 2] = [0, 1].map(|base_axis| [0, 1, 2].map(|i| to_body[i][base_axis]));
+    let inertia = axes.map(|axis| about(&outer, axis));
+    if inertia.iter().any(|inertia| *inertia <= 0.0) {
+        return Err(unsuited("the outermost body has no inertia about x and y"));
+    }
+    Ok((outer, axes, inertia))
 }
 
 /// Half of the mass, a third farther out than the whole body's centre, with half of the inertia that this distance
@@ -114,4 +125,37 @@ fn about(body: &Body, axis: Vector3) -> f64 {
     let steiner = body.mass_kg * (c.iter().map(|c| c * c).sum::<f64>() - along * along);
     let own: f64 = (0..3).flat_map(|r| (0..3).map(move |k| axis[r] * body.inertia_kg_m2[r][k] * axis[k])).sum();
     own + steiner
+}
+
+/// The same joints; k and d by their logarithms.
+#[derive(Debug)]
+struct ModeLaw {
+    parameters: Parameters,
+    outer: Body,
+    joints: [law::PassiveJoint; 2],
+}
+
+impl Law for ModeLaw {
+    fn parameters(&self) -> &Parameters {
+        &self.parameters
+    }
+
+    fn structure(&self) -> Option<(Body, &[law::PassiveJoint])> {
+        Some((self.outer, &self.joints))
+    }
+}
+
+fn laws(robot: &Robot) -> Laws {
+    let (outer, axes, inertia) = outer_part(robot)?;
+    let with = |hz: f64| {
+        let k = inertia.map(|inertia| (TAU * hz).powi(2) * inertia);
+        let d = [0, 1].map(|axis| 2.0 * USUAL_RATIO * (k[axis] * inertia[axis]).sqrt());
+        let mut parameters = Parameters::new(EFFECT.id);
+        let stiffness = [0, 1].map(|axis| parameters.positive("k", "N m/rad", Of::Axis(axis), k[axis]));
+        let damping = [0, 1].map(|axis| parameters.positive("d", "N m s/rad", Of::Axis(axis), d[axis]));
+        let joint =
+            |axis: usize| law::PassiveJoint { axis: axes[axis], stiffness: stiffness[axis], damping: damping[axis] };
+        ModeLaw { parameters, outer, joints: [0, 1].map(joint) }
+    };
+    each([FREQUENCY_HZ[1], FREQUENCY_HZ[0], FREQUENCY_HZ[2]].map(with))
 }

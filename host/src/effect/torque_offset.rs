@@ -6,11 +6,13 @@
 
 use rand::Rng;
 
-use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Size, draw};
+use super::surrogate::{At, Hook, Law, Laws, Of, Parameters, Quantity, acts_on_joints, only};
+use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Row, Size, draw};
 use crate::robot::Robot;
 
 pub(super) const EFFECT: Effect = Effect {
     id: "torque_offset",
+    row: Row::Motor,
     title: "constant torque on the motors",
     equation: "τ_m + o",
     parameters: &[EffectParameter {
@@ -22,6 +24,7 @@ pub(super) const EFFECT: Effect = Effect {
     about: "A driver whose zero is off, or a spring that pulls on the motor's side. It pushes the same way whatever the \
             motor does: friction that differs by direction looks like it as long as the motor keeps turning.",
     make,
+    laws,
 };
 
 /// Shares of the torque at full voltage.
@@ -47,4 +50,40 @@ fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectEr
     draw::either_sign(&mut offset, size, rng);
     let values = draw::of_joints(EFFECT.id, "o", "N m", &joints, &offset).collect();
     Ok(Hidden { id: EFFECT.id, values, physics: Box::new(TorqueOffset { offset }) })
+}
+
+/// Linear in o.
+#[derive(Debug)]
+struct OffsetLaw {
+    parameters: Parameters,
+}
+
+impl Law for OffsetLaw {
+    fn parameters(&self) -> &Parameters {
+        &self.parameters
+    }
+
+    fn hooks(&self) -> &'static [Hook] {
+        &[Hook::MotorTorque]
+    }
+
+    acts_on_joints!();
+}
+
+impl OffsetLaw {
+    fn act<T: Quantity>(&self, _hook: Hook, at: &At<'_, T>, torque: T) -> T {
+        let [offset] = *at.parameters else { return torque };
+        torque + offset
+    }
+}
+
+fn laws(robot: &Robot) -> Laws {
+    let mut joints = draw::turning(robot);
+    joints.retain(|joint| draw::full_torque(robot, *joint) > 0.0);
+    let joints = draw::some(EFFECT.id, joints, draw::NO_VOLTAGE)?;
+    let mut parameters = Parameters::new(EFFECT.id);
+    for joint in joints {
+        parameters.plain("o", "N m", Of::Joint(joint), 0.0);
+    }
+    only(OffsetLaw { parameters })
 }

@@ -9,11 +9,13 @@
 
 use rand::{Rng, RngExt};
 
-use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Size, draw};
+use super::surrogate::{At, Differences, Hook, Law, Laws, Parameters, Quantity, acts_on_joints, only};
+use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Row, Size, draw};
 use crate::robot::{Robot, Symbol};
 
 pub(super) const EFFECT: Effect = Effect {
     id: "viscous_friction",
+    row: Row::Motor,
     title: "viscous friction of the motors",
     equation: "τ_f + v θ̇",
     parameters: &[EffectParameter {
@@ -25,6 +27,7 @@ pub(super) const EFFECT: Effect = Effect {
     about: "Grease and seals resist in proportion to speed, as the back-EMF does. What is common to all joints cannot be \
             told from k_mi by any motion; a joint whose grease is stiffer than the others' can.",
     make,
+    laws,
 };
 
 /// Shares of k_mi.
@@ -54,4 +57,45 @@ fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectEr
     }
     let values = draw::of_joints(EFFECT.id, "v", "N m s/rad", &joints, &v).collect();
     Ok(Hidden { id: EFFECT.id, values, physics: Box::new(ViscousFriction { v }) })
+}
+
+/// The same, in differences where the back-EMF that the joints share is free.
+#[derive(Debug)]
+struct ViscousLaw {
+    parameters: Parameters,
+    differences: Differences,
+}
+
+impl Law for ViscousLaw {
+    fn parameters(&self) -> &Parameters {
+        &self.parameters
+    }
+
+    fn hooks(&self) -> &'static [Hook] {
+        &[Hook::Friction]
+    }
+
+    fn local(&self, joint: usize) -> Vec<usize> {
+        self.differences.local(joint).collect()
+    }
+
+    acts_on_joints!();
+}
+
+impl ViscousLaw {
+    fn act<T: Quantity>(&self, _hook: Hook, at: &At<'_, T>, torque: T) -> T {
+        torque + self.differences.value(at.joint, at.parameters) * at.thetad
+    }
+}
+
+fn laws(robot: &Robot) -> Laws {
+    let mut joints = draw::turning(robot);
+    joints.retain(|joint| draw::nominal(robot, Symbol::KMi, *joint) > 0.0);
+    let mut parameters = Parameters::new(EFFECT.id);
+    let differences = Differences::of(robot, &mut parameters, (Symbol::KMi, "v", "N m s/rad"), &joints);
+    if differences.is_empty() {
+        let reason = "every joint has a back-EMF of its own, which is viscous friction by another name";
+        return Err(EffectError::Unsuited { effect: EFFECT.id, reason });
+    }
+    only(ViscousLaw { parameters, differences })
 }

@@ -8,11 +8,14 @@
 
 use rand::Rng;
 
-use super::{Drive, Effect, EffectError, EffectParameter, Hidden, Physics, Size, TrueValue};
+use super::surrogate::{Law, Laws, Of, Parameters, Quantity, only};
+use super::{Drive, Effect, EffectError, EffectParameter, Hidden, Physics, Row, Size, TrueValue};
+use crate::robot::chain::Lanes;
 use crate::robot::{InputUnit, Robot};
 
 pub(super) const EFFECT: Effect = Effect {
     id: "voltage_sag",
+    row: Row::Motor,
     title: "the supply sags with the power drawn",
     equation: "U = U_max − r Σ u_j τ_m,j, not above U_max",
     parameters: &[EffectParameter { name: "r", unit: "V/(N m)", sizes: "0.005, 0.015, 0.04 (0.005 to 0.05 met)" }],
@@ -21,6 +24,7 @@ pub(super) const EFFECT: Effect = Effect {
             and every motor has less torque than its duty promises. A diode keeps braking motors from lifting it. Motion of \
             all axes at once separates it from what a single motor does.",
     make,
+    laws,
 };
 
 const R_V_PER_N_M: [f64; 3] = [0.005, 0.015, 0.04];
@@ -53,4 +57,31 @@ fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectEr
 pub(crate) fn sag(r: f64) -> Hidden {
     let values = vec![TrueValue { name: format!("{}.r", EFFECT.id), unit: "V/(N m)", value: r }];
     Hidden { id: EFFECT.id, values, physics: Box::new(VoltageSag { r }) }
+}
+
+/// The same equation.
+#[derive(Debug)]
+struct SagLaw {
+    parameters: Parameters,
+}
+
+impl Law for SagLaw {
+    fn parameters(&self) -> &Parameters {
+        &self.parameters
+    }
+
+    fn supply_v(&self, full_v: f64, a: Lanes<3>, e: Lanes<3>, p: Lanes<3>) -> Option<Lanes<3>> {
+        let full = Lanes::from(full_v);
+        let draws = a.re * full_v > e.re;
+        Some(if draws { (full + p * e) * (Lanes::from(1.0) + p * a).recip() } else { full })
+    }
+}
+
+fn laws(robot: &Robot) -> Laws {
+    if robot.input.unit != InputUnit::Duty {
+        return Err(EffectError::Unsuited { effect: EFFECT.id, reason: "the motors are not driven by a duty" });
+    }
+    let mut parameters = Parameters::new(EFFECT.id);
+    parameters.plain("r", "V/(N m)", Of::All, 0.0);
+    only(SagLaw { parameters })
 }

@@ -4,8 +4,11 @@
 //! u ─▶ τ_m = G U u − k_mi θ̇ ─▶ − τ_f = 2 μ (1/(1+exp(−κ v)) − ½) ─▶ b θ̈ = τ_c + τ_m − τ_f      (7), (11), (12)
 //!                                                                    τ_c = k_s (q − θ) + d_s (q̇ − θ̇)  (6)
 //! ```
+//! Laws of effects are asked at the quantities that they may change, on the same way.
 
+use super::law::{Asked, At, Hook, Law};
 use super::parameters::{Coordinates, Source};
+use super::quantity::Quantity;
 use crate::robot::chain::Scalar;
 use crate::robot::{Friction, InputUnit, Robot, Side, Symbol, Transmission};
 
@@ -30,25 +33,17 @@ pub(super) struct Sides<T> {
     pub qd: T,
     pub theta: T,
     pub thetad: T,
-    pub u: f64,
+    /// In the unit of the robot's input.
+    pub u: T,
 }
 
-/// What an elastic drive does: the torque its belt takes from the link, and the motor's acceleration.
+/// What a drive does: (M) q̈ + … = torque on its link, and beside it, for elastic joints θ̈, for rigid ones b, which moves with the link.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct ElasticAction<T> {
-    /// τ_c, N m: the link equation is M q̈ + … = −τ_c.
-    pub transmission_torque: T,
-    /// θ̈.
-    pub motor_acceleration: T,
-}
-
-/// What a rigid drive does to its link: (M + b) q̈ + … = torque.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct RigidAction<T> {
-    /// τ_m − τ_f.
-    pub torque: T,
-    /// b.
-    pub inertia: T,
+pub(super) struct Action<T> {
+    /// −τ_c of elastic joints, τ_m − τ_f of rigid ones.
+    pub link_torque: T,
+    /// θ̈ of elastic joints, b of rigid ones.
+    pub motor: T,
 }
 
 /// The coefficients of a drive that its equations are linear in.
@@ -123,57 +118,162 @@ impl Drive {
         }
     }
 
-    /// τ_f / μ, equation (12).
-    fn coulomb_sign<T: Scalar>(&self, s: &Sides<T>) -> T {
+    /// The speed that friction takes, and τ_f / μ, equation (12).
+    #[inline(always)]
+    fn slip<T: Quantity>(&self, s: &Sides<T>) -> (T, T) {
         match self.friction {
-            Friction::None => T::from(0.0),
-            Friction::Coulomb { speed: Side::Motor, slope_s } => sigmoid(s.thetad * slope_s),
-            Friction::Coulomb { speed: Side::Link, slope_s } => sigmoid(s.qd * slope_s),
+            Friction::None => (s.thetad, T::from(0.0)),
+            Friction::Coulomb { speed: Side::Motor, slope_s } => (s.thetad, sigmoid(s.thetad * slope_s)),
+            Friction::Coulomb { speed: Side::Link, slope_s } => (s.qd, sigmoid(s.qd * slope_s)),
         }
     }
 
     /// Equations (6), (7), (11), (12) of an elastic joint.
-    pub(super) fn elastic<T: Scalar>(&self, c: &Coefficients<T>, s: &Sides<T>) -> ElasticAction<T> {
-        let transmission_torque = c.stiffness * (s.q - s.theta) + c.damping * (s.qd - s.thetad);
-        let motor_acceleration = c.inertia * transmission_torque + c.torque_constant * (self.input_scale * s.u)
+    #[inline(always)]
+    pub(super) fn elastic<T: Quantity>(&self, c: &Coefficients<T>, s: &Sides<T>) -> Action<T> {
+        let torque = c.stiffness * (s.q - s.theta) + c.damping * (s.qd - s.thetad);
+        let motor = c.inertia * torque + c.torque_constant * (s.u * self.input_scale)
             - c.back_emf * s.thetad
-            - c.coulomb * self.coulomb_sign(s);
-        ElasticAction { transmission_torque, motor_acceleration }
+            - c.coulomb * self.slip(s).1;
+        Action { link_torque: -torque, motor }
     }
 
     /// Equations (11), (12) of a rigid joint, where θ = q.
-    pub(super) fn rigid<T: Scalar>(&self, c: &Coefficients<T>, s: &Sides<T>) -> RigidAction<T> {
-        let torque =
-            c.torque_constant * (self.input_scale * s.u) - c.back_emf * s.thetad - c.coulomb * self.coulomb_sign(s);
-        RigidAction { torque, inertia: c.inertia }
+    #[inline(always)]
+    pub(super) fn rigid<T: Quantity>(&self, c: &Coefficients<T>, s: &Sides<T>) -> Action<T> {
+        let torque = c.torque_constant * (s.u * self.input_scale) - c.back_emf * s.thetad - c.coulomb * self.slip(s).1;
+        Action { link_torque: torque, motor: c.inertia }
+    }
+
+    /// The same with laws: `volts` is what one unit of input is worth, and the laws' own states get their rates in `rates`.
+    pub(super) fn with_laws<T: Asked>(
+        &self,
+        transmission: Transmission,
+        c: &Coefficients<T>,
+        s: &Sides<T>,
+        volts: T,
+        joint: &JointLaws<'_, T>,
+        rates: &mut [T],
+    ) -> Action<T> {
+        let elastic = transmission == Transmission::Elastic;
+        // Laws are told physical parameters; an elastic drive's are divided by b.
+        let b = if elastic { c.inertia.recip() } else { c.inertia };
+        let physical = |value: T| if elastic { value * b } else { value };
+        let zero = T::from(0.0);
+        let (friction_speed, friction_sign) = self.slip(s);
+        let mut at = At {
+            joint: joint.joint,
+            time_s: joint.time_s,
+            q: s.q,
+            qd: s.qd,
+            theta: s.theta,
+            thetad: s.thetad,
+            driving: zero,
+            k_mi: physical(c.back_emf),
+            mu: physical(c.coulomb),
+            k_s: c.stiffness,
+            d_s: c.damping,
+            friction_speed,
+            friction_sign,
+            transmitted: zero,
+            parameters: &[],
+            own: zero,
+        };
+        let u = joint.ask(Hook::Input, &mut at, s.u);
+        at.driving = physical(c.torque_constant) * (u * volts);
+        let by_voltage = at.driving - at.k_mi * s.thetad;
+        let motor = joint.ask(Hook::MotorTorque, &mut at, by_voltage);
+        if elastic {
+            let spring = at.k_s * at.wind() + at.d_s * at.wind_rate();
+            at.transmitted = joint.ask(Hook::Transmission, &mut at, spring);
+        }
+        let coulomb = at.coulomb();
+        let friction = joint.ask(Hook::Friction, &mut at, coulomb);
+        let load = joint.ask(Hook::LinkLoad, &mut at, zero);
+        let b = joint.ask(Hook::MotorInertia, &mut at, b);
+        joint.rates(&mut at, rates);
+        if elastic {
+            let motor = (at.transmitted + motor - friction) * b.recip();
+            Action { link_torque: -(at.transmitted + load), motor }
+        } else {
+            Action { link_torque: motor - friction - load, motor: b }
+        }
     }
 }
 
-/// 2 (1/(1+exp(−a)) − ½), with an exponential that never overflows: at 4 rad/s the printed one does, and its derivative is not a number.
-fn sigmoid<T: Scalar>(a: T) -> T {
-    let one = T::from(1.0);
-    if a.re() >= 0.0 {
-        let e = (-a).exp();
-        (one - e) / (one + e)
-    } else {
-        let e = a.exp();
-        (e - one) / (one + e)
+/// The laws that have something to say at one joint, with their parameters and states.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct JointLaws<'a, T> {
+    pub joint: usize,
+    pub time_s: f64,
+    pub laws: &'a [JointLaw<'a>],
+    /// Of all laws, one after the other.
+    pub parameters: &'a [T],
+    /// Own states of all laws that have one.
+    pub states: &'a [T],
+}
+
+/// One law at one joint.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct JointLaw<'a> {
+    pub law: &'a dyn Law,
+    /// Its parameters among those of the joint.
+    pub first: usize,
+    pub count: usize,
+    /// Its state among those of the joint.
+    pub state: Option<usize>,
+}
+
+impl<'a, T: Asked> JointLaws<'a, T> {
+    /// A quantity after all laws.
+    #[inline]
+    fn ask(&self, hook: Hook, at: &mut At<'a, T>, without: T) -> T {
+        self.laws.iter().filter(|law| law.law.hooks().contains(&hook)).fold(without, |quantity, law| {
+            self.turn_to(law, at);
+            T::ask(law.law, hook, at, quantity)
+        })
     }
+
+    fn rates(&self, at: &mut At<'a, T>, rates: &mut [T]) {
+        for law in self.laws {
+            if let Some(state) = law.state {
+                self.turn_to(law, at);
+                rates[state] = T::ask(law.law, Hook::StateRate, at, T::from(0.0));
+            }
+        }
+    }
+
+    /// Shows a law what is its own.
+    #[inline]
+    fn turn_to(&self, law: &JointLaw<'_>, at: &mut At<'a, T>) {
+        at.parameters = &self.parameters[law.first..law.first + law.count];
+        if let Some(state) = law.state {
+            at.own = self.states[state];
+        }
+    }
+}
+
+/// 2 (1/(1+exp(−a)) − ½) = tanh(a/2), which never overflows: at 4 rad/s the printed exponential does, and its derivative is not a number.
+#[inline(always)]
+fn sigmoid<T: Quantity>(a: T) -> T {
+    let value = (0.5 * a.re()).tanh();
+    a.through(value, 0.5 * (1.0 - value * value))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use num_dual::Dual64;
+    use crate::model::quantity::variable;
+    use crate::robot::chain::Lanes;
 
     #[test]
     fn the_sigmoid_and_its_slope_are_finite_at_any_speed() {
         for a in [-1e6, -1500.0, -3.0, -1e-9, 0.0, 1e-9, 0.7, 1500.0, 1e6] {
-            let value = sigmoid(Dual64::new(a, 1.0));
+            let value: Lanes<1> = sigmoid(variable(a, 0));
             let slope = 0.5 / (0.5 * a).cosh().powi(2);
-            // rtol 1e-12 with atol 1e-14 for what underflows
-            assert!((value.re - (0.5 * a).tanh()).abs() <= 1e-14, "{a}: {value}");
-            assert!((value.eps - slope).abs() <= 1e-14 + 1e-12 * slope, "{a}: {value} against slope {slope}");
+            // atol 1e-14 for what cancels far from zero
+            assert!((value.re - (0.5 * a).tanh()).abs() <= 1e-14, "{a}: {value:?}");
+            assert!((value.slope[0] - slope).abs() <= 1e-14, "{a}: {value:?} against slope {slope}");
         }
     }
 }

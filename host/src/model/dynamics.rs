@@ -1,24 +1,28 @@
 //! ẋ = f(x, u), equation (9), and its derivatives.
 //!
-//! The links' accelerations a solve `A a = −(c + g) − τ` with A = M(q) + b of the rigid joints and τ the drives' torques. Their derivatives
-//! follow from the implicit function: `A ∂a = −(∂(M a + c + g) + ∂τ)` at fixed a, so only the cheap left side is differentiated,
-//! never the solution of the linear system.
+//! The links' accelerations a solve `A a = −(c + g) + τ` with A = M(q) + b of the rigid joints and τ the torques of drives, laws and passive
+//! joints. Their derivatives follow from the implicit function: `A ∂a = −∂(M a + c + g) + ∂τ` at fixed a, so only the cheap right side is
+//! differentiated, never the solution of the linear system.
+//!
+//! One drive with its laws depends on a dozen [`local`](super::local) variables; their derivatives are scattered to state components and
+//! coordinates.
 
 use nalgebra::{Const, SVector};
 use num_dual::{Derivative, DualSVec64};
 
-use super::Model;
-use super::drive::{Coefficients, Sides};
+use super::drive::{Action, Coefficients, JointLaw, JointLaws, Sides};
+use super::inertia::Inertia;
+use super::laws::OfJoint;
+use super::links::WeightedLinks;
+use super::local::{BASE, COEFFICIENTS, Drives, FEW_VARIABLES, MOST_VARIABLES, OWN, VOLTS};
+use super::sensor::SensorFrame;
+use super::{Input, Model};
 use crate::robot::Transmission;
-use crate::robot::chain::MAX_JOINTS;
-
-/// Four sides of a transmission and its six coefficients: all that one drive's law depends on.
-const LOCAL: usize = 4 + Coefficients::<f64>::COUNT;
-type Local = DualSVec64<LOCAL>;
+use crate::robot::chain::{Lanes, MAX_JOINTS};
 
 /// Derivatives of coefficients by coordinates are taken this many at a time.
 const LANES: usize = 8;
-type Lanes = DualSVec64<LANES>;
+type Duals = DualSVec64<LANES>;
 
 /// A model at given parameters.
 #[derive(Debug, Clone)]
@@ -28,15 +32,27 @@ pub struct Dynamics<'m> {
     /// For each joint: (coefficient, coordinate, ∂coefficient/∂coordinate).
     pub(super) slopes: Vec<Vec<(usize, usize, f64)>>,
     pub(super) speed_of: Vec<Option<usize>>,
+    pub(super) z: Vec<f64>,
+    links: WeightedLinks<'m>,
+    pub(super) laws: Vec<Vec<JointLaw<'m>>>,
 }
 
 /// f and its derivatives at one point.
-#[derive(Debug, Clone, PartialEq, Default)]
+#[derive(Debug, Clone, Default)]
 pub struct Linear {
     /// f, one value a state component.
     pub xdot: Vec<f64>,
     /// `[∂f/∂x | ∂f/∂z]`, size × (size + coordinates), row-major.
     pub slopes: Vec<f64>,
+    /// ∂U/∂(x, z) of the supply voltage, where a law changes it.
+    supply: Vec<f64>,
+    frame: SensorFrame,
+}
+
+/// The torques on the links besides gravity and speeds, and what rigid joints add to the inertia.
+struct Torques {
+    right: [f64; MAX_JOINTS],
+    rigid_inertia: [f64; MAX_JOINTS],
 }
 
 impl<'m> Dynamics<'m> {
@@ -45,11 +61,11 @@ impl<'m> Dynamics<'m> {
         let coefficients = drives().map(|(drive, &t)| drive.coefficients(z, t)).collect();
         let mut slopes = vec![Vec::new(); model.drives.len()];
         for first in (0..z.len()).step_by(LANES) {
-            let duals: Vec<Lanes> =
-                z.iter().enumerate().map(|(i, &z)| seeded::<LANES>(z, i.wrapping_sub(first))).collect();
+            let duals: Vec<Duals> = z.iter().enumerate().map(|(i, &z)| seeded(z, i.wrapping_sub(first))).collect();
             for ((drive, &t), slopes) in drives().zip(&mut slopes) {
                 for (c, value) in drive.coefficients(&duals, t).to_array().into_iter().enumerate() {
-                    for (lane, slope) in gradient(value).into_iter().enumerate() {
+                    let gradient: [f64; LANES] = value.eps.unwrap_generic(Const::<LANES>, Const::<1>).into();
+                    for (lane, slope) in gradient.into_iter().enumerate() {
                         if slope != 0.0 {
                             slopes.push((c, first + lane, slope));
                         }
@@ -57,7 +73,15 @@ impl<'m> Dynamics<'m> {
                 }
             }
         }
-        Dynamics { model, coefficients, slopes, speed_of: model.layout.speed_of() }
+        Dynamics {
+            model,
+            coefficients,
+            slopes,
+            speed_of: model.layout.speed_of(),
+            z: z.to_vec(),
+            links: model.links.at(z),
+            laws: model.laws.ready(),
+        }
     }
 
     /// Number of state components.
@@ -70,235 +94,257 @@ impl<'m> Dynamics<'m> {
         self.size() + self.model.coordinates.len()
     }
 
-    /// f(x, u): `u` has one input a joint in the robot's unit.
-    pub fn derivative(&self, x: &[f64], u: &[f64], xdot: &mut [f64]) {
+    /// f(x, u).
+    pub fn derivative<'i>(&self, x: &[f64], input: impl Into<Input<'i>>, xdot: &mut [f64]) {
+        let input = input.into();
         let layout = &self.model.layout;
-        let n = layout.joints();
-        let mut right = [0.0; MAX_JOINTS];
-        let mut rigid_inertia = [0.0; MAX_JOINTS];
-        let (q, qd) = (&x[..n], &x[n..2 * n]);
-        self.model.chain.bias_torque(q, qd, &mut right[..n]);
+        let (n, m) = (layout.joints(), layout.chain());
+        let (q, qd) = (&x[..m], &x[m..2 * m]);
+        let mut torques = self.passive(q, qd);
+        let volts = self.supply(x, &input).map_or(self.model.drives[0].input_scale, |volts| volts.re);
         for i in 0..n {
-            let (drive, c, sides) = (&self.model.drives[i], &self.coefficients[i], self.sides(x, u, i));
-            match self.model.transmissions[i] {
-                Transmission::Elastic => {
-                    let action = drive.elastic(c, &sides);
-                    right[i] = -right[i] - action.transmission_torque;
-                    xdot[layout.theta(i)] = sides.thetad;
-                    xdot[layout.thetad(i)] = action.motor_acceleration;
+            let ([q, qd, theta, thetad], c) = (self.sides(x, i), &self.coefficients[i]);
+            let sides = Sides { q, qd, theta, thetad, u: input.u[i] };
+            let (drive, transmission) = (&self.model.drives[i], self.model.transmissions[i]);
+            let action = if self.model.laws.is_empty() {
+                match transmission {
+                    Transmission::Elastic => drive.elastic(c, &sides),
+                    Transmission::Rigid => drive.rigid(c, &sides),
                 }
-                Transmission::Rigid => {
-                    let action = drive.rigid(c, &sides);
-                    right[i] = action.torque - right[i];
-                    rigid_inertia[i] = action.inertia;
+            } else {
+                let of = self.model.laws.at(i);
+                let mut own = [0.0; MOST_VARIABLES];
+                let (parameters, states) = own.split_at_mut(of.parameters.len());
+                gather(parameters, &of.parameters, &self.z);
+                gather(states, &of.states, x);
+                let mut rates = [0.0; MOST_VARIABLES];
+                let laws = JointLaws { joint: i, time_s: input.time_s, laws: &self.laws[i], parameters, states };
+                let action = drive.with_laws(transmission, c, &sides, volts, &laws, &mut rates);
+                for (state, rate) in of.states.iter().zip(rates) {
+                    xdot[*state] = rate;
+                }
+                action
+            };
+            torques.take(self, i, &action, xdot);
+            xdot[layout.theta(i)] = thetad;
+        }
+        let inertia = self.inertia(q, &torques.rigid_inertia);
+        inertia.solve(m, &mut torques.right);
+        xdot[..m].copy_from_slice(qd);
+        xdot[m..2 * m].copy_from_slice(&torques.right[..m]);
+        if !self.model.laws.lags.is_empty() {
+            let mut rates = [[0.0; 3]; MAX_JOINTS];
+            self.model.chain().body_rates(q, qd, &mut rates[..m]);
+            for lag in &self.model.laws.lags {
+                let per_s = (-self.z[lag.coordinate]).exp();
+                for axis in 0..3 {
+                    xdot[lag.state + axis] = per_s * (rates[lag.body][axis] - x[lag.state + axis]);
                 }
             }
         }
-        let inertia = self.inertia(q, &rigid_inertia);
-        inertia.solve(n, &mut right);
-        xdot[..n].copy_from_slice(qd);
-        xdot[n..2 * n].copy_from_slice(&right[..n]);
     }
 
     /// f and its derivatives by state and coordinates.
-    pub fn linearise(&self, x: &[f64], u: &[f64], out: &mut Linear) {
+    pub fn linearise<'i>(&self, x: &[f64], input: impl Into<Input<'i>>, out: &mut Linear) {
+        let input = input.into();
+        match self.model.laws.most_variables() {
+            0 if self.model.laws.is_empty() => self.linearise_by::<BASE, 0>(x, &input, out),
+            0..=FEW_VARIABLES => self.linearise_by::<16, FEW_VARIABLES>(x, &input, out),
+            _ => self.linearise_by::<32, MOST_VARIABLES>(x, &input, out),
+        }
+    }
+
+    /// By N lanes, of which V are the laws' own.
+    fn linearise_by<const N: usize, const V: usize>(&self, x: &[f64], input: &Input<'_>, out: &mut Linear)
+    where
+        Self: Drives<N, V>,
+    {
         let layout = &self.model.layout;
-        let (n, size, columns) = (layout.joints(), self.size(), self.columns());
+        let (n, m, size, columns) = (layout.joints(), layout.chain(), self.size(), self.columns());
         out.xdot.resize(size, 0.0);
         out.slopes.clear();
         out.slopes.resize(size * columns, 0.0);
-        let (q, qd) = (&x[..n], &x[n..2 * n]);
-        let mut locals = [Local::from(0.0); MAX_JOINTS];
-        let mut rigid = [Local::from(0.0); MAX_JOINTS];
-        let mut right = [0.0; MAX_JOINTS];
-        let mut rigid_inertia = [0.0; MAX_JOINTS];
-        self.model.chain.bias_torque(q, qd, &mut right[..n]);
+        let (q, qd) = (&x[..m], &x[m..2 * m]);
+        let mut torques = self.passive(q, qd);
+        let mut volts = self.model.drives[0].input_scale;
+        if let Some(supply) = self.supply(x, input) {
+            volts = supply.re;
+            self.supply_slopes(x, input, &supply, &mut out.supply);
+        }
+        let mut local = [[0.0; N]; MAX_JOINTS];
+        let mut rigid = [[0.0; N]; MAX_JOINTS];
         for i in 0..n {
-            let sides = self.sides(x, u, i);
-            let dual_sides = Sides {
-                q: seeded(sides.q, 0),
-                qd: seeded(sides.qd, 1),
-                theta: seeded(sides.theta, 2),
-                thetad: seeded(sides.thetad, 3),
-                u: sides.u,
-            };
-            let mut lane = 3;
-            let coefficients = Coefficients::from_array(self.coefficients[i].to_array().map(|c| {
-                lane += 1;
-                seeded(c, lane)
-            }));
-            let drive = &self.model.drives[i];
-            match self.model.transmissions[i] {
-                Transmission::Elastic => {
-                    let action = drive.elastic(&coefficients, &dual_sides);
-                    locals[i] = action.transmission_torque;
-                    right[i] = -right[i] - action.transmission_torque.re;
-                    out.xdot[layout.theta(i)] = sides.thetad;
-                    out.slopes[layout.theta(i) * columns + layout.thetad(i)] = 1.0;
-                    let row = layout.thetad(i);
-                    out.xdot[row] = action.motor_acceleration.re;
-                    let row = &mut out.slopes[row * columns..(row + 1) * columns];
-                    self.scatter(i, gradient(action.motor_acceleration), 1.0, row);
-                }
-                Transmission::Rigid => {
-                    let action = drive.rigid(&coefficients, &dual_sides);
-                    locals[i] = -action.torque;
-                    rigid[i] = action.inertia;
-                    right[i] = action.torque.re - right[i];
-                    rigid_inertia[i] = action.inertia.re;
-                }
+            let mut rates = [Lanes::from(0.0); V];
+            let action = self.drive(i, x, input, volts, &mut rates);
+            let plain = Action { link_torque: action.link_torque.re, motor: action.motor.re };
+            torques.take(self, i, &plain, &mut out.xdot);
+            local[i] = action.link_torque.slope;
+            if layout.is_elastic(i) {
+                out.xdot[layout.theta(i)] = x[layout.thetad(i)];
+                out.slopes[layout.theta(i) * columns + layout.thetad(i)] = 1.0;
+                let row = &mut out.slopes[layout.thetad(i) * columns..][..columns];
+                self.scatter(i, &action.motor.slope, &out.supply, row);
+            } else {
+                rigid[i] = action.motor.slope;
+            }
+            for (state, rate) in self.model.laws.own_states(i).iter().zip(rates) {
+                out.xdot[*state] = rate.re;
+                let row = &mut out.slopes[state * columns..][..columns];
+                self.scatter(i, &rate.slope, &out.supply, row);
             }
         }
-        let inertia = self.inertia(q, &rigid_inertia);
-        inertia.solve(n, &mut right);
-        let acceleration = &right[..n];
-        out.xdot[..n].copy_from_slice(qd);
-        out.xdot[n..2 * n].copy_from_slice(acceleration);
+        let inertia = self.inertia(q, &torques.rigid_inertia);
+        inertia.solve(m, &mut torques.right);
+        let acceleration = &torques.right[..m];
+        out.xdot[..m].copy_from_slice(qd);
+        out.xdot[m..2 * m].copy_from_slice(acceleration);
 
-        // −∂(M a + c + g + τ) at fixed a, then A⁻¹ of it, in place of the q̈ rows.
-        let mut left = [0.0; MAX_JOINTS];
+        // −∂(M a + c + g) + ∂τ at fixed a, then A⁻¹ of it, in place of the q̈ rows.
         let mut by_q = [0.0; MAX_JOINTS * MAX_JOINTS];
         let mut by_qd = [0.0; MAX_JOINTS * MAX_JOINTS];
-        let (by_q, by_qd) = (&mut by_q[..n * n], &mut by_qd[..n * n]);
-        self.model.chain.link_torque_derivatives(q, qd, acceleration, &mut left[..n], by_q, by_qd);
-        let block = &mut out.slopes[n * columns..2 * n * columns];
+        let (by_q, by_qd) = (&mut by_q[..m * m], &mut by_qd[..m * m]);
+        let block = &mut out.slopes[m * columns..2 * m * columns];
+        self.links.derivatives([q, qd, acceleration], by_q, by_qd, |joint, coordinate, slope| {
+            block[joint * columns + size + coordinate] -= slope;
+        });
         for (i, row) in block.chunks_exact_mut(columns).enumerate() {
-            for j in 0..n {
-                row[j] = -by_q[i * n + j];
-                row[n + j] = -by_qd[i * n + j];
+            for j in 0..m {
+                row[j] -= by_q[i * m + j];
+                row[m + j] -= by_qd[i * m + j];
             }
-            let mut torque = gradient(locals[i]);
-            if self.model.transmissions[i] == Transmission::Rigid {
-                for (t, inertia) in torque.iter_mut().zip(gradient(rigid[i])) {
-                    *t += inertia * acceleration[i];
+        }
+        for i in 0..n {
+            let link = layout.q(i);
+            let mut torque = local[i];
+            if !layout.is_elastic(i) {
+                for (t, inertia) in torque.iter_mut().zip(rigid[i]) {
+                    *t -= inertia * acceleration[link];
                 }
             }
-            self.scatter(i, torque, -1.0, row);
+            self.scatter(i, &torque, &out.supply, &mut block[link * columns..(link + 1) * columns]);
         }
-        inertia.solve_rows(n, block, columns);
-        for i in 0..n {
-            out.slopes[i * columns + n + i] = 1.0;
+        for &(i, k, d) in &self.model.laws.passive {
+            let row = &mut block[i * columns..(i + 1) * columns];
+            let (stiffness, damping) = (self.z[k].exp(), self.z[d].exp());
+            row[i] -= stiffness;
+            row[m + i] -= damping;
+            row[size + k] -= stiffness * q[i];
+            row[size + d] -= damping * qd[i];
+        }
+        inertia.solve_rows(m, block, columns);
+        for i in 0..m {
+            out.slopes[i * columns + m + i] = 1.0;
+        }
+        self.lag_slopes(x, out);
+    }
+
+    /// The states of gyros that lag behind their bodies.
+    fn lag_slopes(&self, x: &[f64], out: &mut Linear) {
+        let lags = &self.model.laws.lags;
+        if lags.is_empty() {
+            return;
+        }
+        let (m, size, columns) = (self.model.layout.chain(), self.size(), self.columns());
+        out.frame.linearise(self.model.chain(), &x[..m], &x[m..2 * m]);
+        for lag in lags {
+            let per_s = (-self.z[lag.coordinate]).exp();
+            for axis in 0..3 {
+                let state = lag.state + axis;
+                let rate = per_s * (out.frame.rate(lag.body)[axis] - x[state]);
+                out.xdot[state] = rate;
+                let row = &mut out.slopes[state * columns..][..columns];
+                for (column, to) in row[..2 * m].iter_mut().enumerate() {
+                    *to = per_s * out.frame.slope(lag.body, column)[axis];
+                }
+                row[state] = -per_s;
+                row[size + lag.coordinate] = -rate;
+            }
         }
     }
 
-    /// Adds the derivatives of joint i's law, by its sides and coefficients, to a row over state and coordinates.
-    fn scatter(&self, i: usize, gradient: [f64; LOCAL], sign: f64, row: &mut [f64]) {
+    /// Adds the derivatives of joint i's law, by its lanes, to a row over state and coordinates.
+    fn scatter<const N: usize>(&self, i: usize, gradient: &[f64; N], supply: &[f64], row: &mut [f64]) {
         let layout = &self.model.layout;
+        let size = self.size();
         let places = [layout.q(i), layout.qd(i), layout.theta(i), layout.thetad(i)];
         for (place, slope) in places.into_iter().zip(gradient) {
-            row[place] += sign * slope;
+            row[place] += slope;
         }
-        let z = &mut row[self.size()..];
         for &(coefficient, coordinate, slope) in &self.slopes[i] {
-            z[coordinate] += sign * gradient[4 + coefficient] * slope;
+            row[size + coordinate] += gradient[COEFFICIENTS + coefficient] * slope;
+        }
+        if N == BASE {
+            return;
+        }
+        if self.model.laws.supply.is_some() {
+            for (to, by) in row.iter_mut().zip(supply) {
+                *to += gradient[VOLTS] * by;
+            }
+        }
+        let OfJoint { parameters, states, .. } = self.model.laws.at(i);
+        for (coordinate, slope) in parameters.iter().zip(&gradient[OWN..]) {
+            row[size + coordinate] += slope;
+        }
+        for (state, slope) in states.iter().zip(&gradient[OWN + parameters.len()..]) {
+            row[*state] += slope;
         }
     }
 
-    fn sides(&self, x: &[f64], u: &[f64], i: usize) -> Sides<f64> {
-        let layout = &self.model.layout;
-        Sides {
-            q: x[layout.q(i)],
-            qd: x[layout.qd(i)],
-            theta: x[layout.theta(i)],
-            thetad: x[layout.thetad(i)],
-            u: u[i],
+    /// −(c + g) and the passive joints' springs and dampers.
+    fn passive(&self, q: &[f64], qd: &[f64]) -> Torques {
+        let mut right = [0.0; MAX_JOINTS];
+        self.links.bias_torque(q, qd, &mut right[..q.len()]);
+        for torque in &mut right {
+            *torque = -*torque;
         }
+        for &(i, k, d) in &self.model.laws.passive {
+            right[i] -= self.z[k].exp() * q[i] + self.z[d].exp() * qd[i];
+        }
+        Torques { right, rigid_inertia: [0.0; MAX_JOINTS] }
+    }
+
+    pub(super) fn sides(&self, x: &[f64], i: usize) -> [f64; 4] {
+        let layout = &self.model.layout;
+        [x[layout.q(i)], x[layout.qd(i)], x[layout.theta(i)], x[layout.thetad(i)]]
     }
 
     /// A = M(q) + b of the rigid joints, factorised.
     fn inertia(&self, q: &[f64], rigid_inertia: &[f64; MAX_JOINTS]) -> Inertia {
-        let n = q.len();
+        let m = q.len();
         let mut matrix = [0.0; MAX_JOINTS * MAX_JOINTS];
-        self.model.chain.mass_matrix(q, &mut matrix[..n * n]);
-        for i in 0..n {
-            matrix[i * n + i] += rigid_inertia[i];
+        self.links.mass_matrix(q, &mut matrix[..m * m]);
+        for i in 0..m {
+            matrix[i * m + i] += rigid_inertia[i];
         }
-        Inertia::factorise(n, matrix)
+        Inertia::factorise(m, matrix)
+    }
+}
+
+impl Torques {
+    /// Adds what drive i does.
+    fn take(&mut self, dynamics: &Dynamics<'_>, i: usize, action: &Action<f64>, xdot: &mut [f64]) {
+        let layout = &dynamics.model.layout;
+        let link = layout.q(i);
+        self.right[link] += action.link_torque;
+        if layout.is_elastic(i) {
+            xdot[layout.thetad(i)] = action.motor;
+        } else {
+            self.rigid_inertia[link] = action.motor;
+        }
+    }
+}
+
+fn gather(to: &mut [f64], places: &[usize], from: &[f64]) {
+    for (to, place) in to.iter_mut().zip(places) {
+        *to = from[*place];
     }
 }
 
 /// A dual number with a one in `lane` (none where the lane is out of range).
-fn seeded<const N: usize>(value: f64, lane: usize) -> DualSVec64<N> {
-    let mut unit = SVector::<f64, N>::zeros();
-    if lane < N {
+fn seeded(value: f64, lane: usize) -> Duals {
+    let mut unit = SVector::<f64, LANES>::zeros();
+    if lane < LANES {
         unit[lane] = 1.0;
     }
-    DualSVec64::new(value, Derivative::some(unit))
-}
-
-fn gradient<const N: usize>(value: DualSVec64<N>) -> [f64; N] {
-    value.eps.unwrap_generic(Const::<N>, Const::<1>).into()
-}
-
-/// Cholesky factor of the joint-space inertia, n × n by rows, reciprocals on the diagonal.
-///
-/// A pivot that is not positive (a trial b < 0 of a rigid joint) gives NaN accelerations: the solver rejects such a step.
-struct Inertia([f64; MAX_JOINTS * MAX_JOINTS]);
-
-impl Inertia {
-    fn factorise(n: usize, mut a: [f64; MAX_JOINTS * MAX_JOINTS]) -> Self {
-        for i in 0..n {
-            for j in 0..=i {
-                let mut sum = a[i * n + j];
-                for k in 0..j {
-                    sum -= a[i * n + k] * a[j * n + k];
-                }
-                a[i * n + j] = if i == j { sum.sqrt().recip() } else { sum * a[j * n + j] };
-            }
-        }
-        Inertia(a)
-    }
-
-    /// Solves A x = x in place.
-    fn solve(&self, n: usize, x: &mut [f64; MAX_JOINTS]) {
-        let l = &self.0;
-        for i in 0..n {
-            for k in 0..i {
-                x[i] -= l[i * n + k] * x[k];
-            }
-            x[i] *= l[i * n + i];
-        }
-        for i in (0..n).rev() {
-            for k in i + 1..n {
-                x[i] -= l[k * n + i] * x[k];
-            }
-            x[i] *= l[i * n + i];
-        }
-    }
-
-    /// Solves A X = X in place for n rows of `columns` values.
-    fn solve_rows(&self, n: usize, x: &mut [f64], columns: usize) {
-        let l = &self.0;
-        for i in 0..n {
-            for k in 0..i {
-                subtract_row(x, columns, i, k, l[i * n + k]);
-            }
-            scale_row(x, columns, i, l[i * n + i]);
-        }
-        for i in (0..n).rev() {
-            for k in i + 1..n {
-                subtract_row(x, columns, i, k, l[k * n + i]);
-            }
-            scale_row(x, columns, i, l[i * n + i]);
-        }
-    }
-}
-
-/// Row i loses `factor` times row k.
-fn subtract_row(x: &mut [f64], columns: usize, i: usize, k: usize, factor: f64) {
-    let (low, high) = x.split_at_mut(i.max(k) * columns);
-    let (row_i, row_k) = if i > k {
-        (&mut high[..columns], &low[k * columns..][..columns])
-    } else {
-        (&mut low[i * columns..][..columns], &high[..columns])
-    };
-    for (a, b) in row_i.iter_mut().zip(row_k) {
-        *a -= factor * b;
-    }
-}
-
-fn scale_row(x: &mut [f64], columns: usize, i: usize, factor: f64) {
-    for a in &mut x[i * columns..(i + 1) * columns] {
-        *a *= factor;
-    }
+    Duals::new(value, Derivative::some(unit))
 }

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Dynamics, Linear};
+use super::{Dynamics, Input, Linear};
 
 /// A one-step method.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -55,7 +55,15 @@ impl Stepper {
     }
 
     /// The state `duration_s` after `x` with the input `u` held, into `next`.
-    pub fn step(&mut self, dynamics: &Dynamics<'_>, x: &[f64], u: &[f64], duration_s: f64, next: &mut [f64]) {
+    pub fn step<'i>(
+        &mut self,
+        dynamics: &Dynamics<'_>,
+        x: &[f64],
+        input: impl Into<Input<'i>>,
+        duration_s: f64,
+        next: &mut [f64],
+    ) {
+        let input = input.into();
         self.x.resize(x.len(), 0.0);
         self.k.clear();
         self.k.resize(x.len(), 0.0);
@@ -64,7 +72,7 @@ impl Stepper {
             for ((stage, x), k) in self.x.iter_mut().zip(x).zip(&self.k) {
                 *stage = x + along * duration_s * k;
             }
-            dynamics.derivative(&self.x, u, &mut self.k);
+            dynamics.derivative(&self.x, input, &mut self.k);
             for (next, k) in next.iter_mut().zip(&self.k) {
                 *next += weight * duration_s * k;
             }
@@ -72,14 +80,15 @@ impl Stepper {
     }
 
     /// [`step`](Self::step) with derivatives by the state and the coordinates of the dynamics.
-    pub fn step_slopes(
+    pub fn step_slopes<'i>(
         &mut self,
         dynamics: &Dynamics<'_>,
         x: &[f64],
-        u: &[f64],
+        input: impl Into<Input<'i>>,
         duration_s: f64,
         out: &mut StepSlopes,
     ) {
+        let input = input.into();
         let (size, columns) = (dynamics.size(), dynamics.columns());
         self.x.resize(size, 0.0);
         self.k.clear();
@@ -98,7 +107,7 @@ impl Stepper {
             for ((stage, x), k) in self.x.iter_mut().zip(x).zip(&self.k) {
                 *stage = x + h * k;
             }
-            dynamics.linearise(&self.x, u, &mut self.linear);
+            dynamics.linearise(&self.x, input, &mut self.linear);
             self.k.copy_from_slice(&self.linear.xdot);
             if stage == 0 {
                 self.dk.copy_from_slice(&self.linear.slopes);

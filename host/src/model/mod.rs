@@ -6,49 +6,111 @@
 //! ```
 //!
 //! The state is x = (q, q̇, θ, θ̇), equation (8): q and q̇ of all n joints, θ and θ̇ of the elastic ones (a rigid joint has θ = q).
+//! Effects extend it by their [`law`]s: passive joints, own states, other torques.
 //! Everything is on the link side of the gear, in SI. A [`Model`] knows a robot; [`Dynamics`] is a model at given
 //! parameters. Derivatives are exact: laws are written once over any scalar and run on dual numbers.
 
 mod drive;
 mod dynamics;
 pub mod fast;
+mod inertia;
+mod input;
 mod integrator;
+pub mod law;
+mod laws;
+mod links;
+mod local;
 mod parameters;
+mod quantity;
 pub mod rotation;
 mod sensor;
+mod sensor_laws;
+mod supply;
 #[cfg(test)]
 mod tests;
 
 pub use dynamics::{Dynamics, Linear};
+pub use input::Input;
 pub use integrator::{Integrator, StepSlopes, Stepper};
 pub use parameters::{Coordinate, Coordinates};
+pub use quantity::{Quantity, variable};
 pub use sensor::{GyroSlopes, SensorFrame};
+pub use sensor_laws::{GyroReading, PositionReading, SensorLaws};
+
+use std::sync::Arc;
 
 use crate::robot::chain::Chain;
-use crate::robot::{Robot, Transmission};
+use crate::robot::{Robot, RobotError, Transmission};
 use drive::Drive;
+use law::Law;
+use laws::Laws;
+use links::Links;
+
+/// Why a model cannot be extended.
+#[derive(Debug, thiserror::Error)]
+pub enum ModelError {
+    /// Passive joints that do not fit.
+    #[error(transparent)]
+    Robot(#[from] RobotError),
+    /// Too much at one joint.
+    #[error("{got} parameters and states of effects at one joint; at most {most} are possible: leave some effects out")]
+    TooManyVariables {
+        /// What was asked for.
+        got: usize,
+        /// What is possible.
+        most: usize,
+    },
+}
 
 /// The equations of one robot.
 #[derive(Debug, Clone)]
 pub struct Model {
-    chain: Chain,
+    links: Links,
     coordinates: Coordinates,
     transmissions: Vec<Transmission>,
     drives: Vec<Drive>,
     layout: Layout,
+    laws: Laws,
+    /// Links in the chain that carry the robot's bodies.
+    bodies: Vec<usize>,
 }
 
 impl Model {
     /// The base model of `robot`.
     pub fn new(robot: &Robot) -> Self {
-        let coordinates = Coordinates::of(robot);
+        Self::of(robot, Vec::new(), robot.chain(), Links::of(robot.chain()))
+    }
+
+    /// The model of `robot` with `laws` of effects, asked in this order.
+    ///
+    /// # Errors
+    /// [`ModelError`].
+    pub fn extended(robot: &Robot, laws: Vec<Arc<dyn Law>>) -> Result<Self, ModelError> {
+        let coordinates = Coordinates::of(robot, &laws);
+        let (chain, links) = laws::links(robot, &laws, &coordinates)?;
+        let model = Self::of(robot, laws, chain, links);
+        let (got, most) = (model.laws.most_variables(), local::MOST_VARIABLES);
+        if got > most { Err(ModelError::TooManyVariables { got, most }) } else { Ok(model) }
+    }
+
+    fn of(robot: &Robot, laws: Vec<Arc<dyn Law>>, chain: Chain, links: Links) -> Self {
+        let coordinates = Coordinates::of(robot, &laws);
         let transmissions: Vec<_> = robot.joints.iter().map(|joint| joint.transmission).collect();
+        let first = laws.iter().map(|law| law.base_joints().len()).sum();
+        let mut layout = Layout::of(&transmissions, first, chain.joints());
+        let last = robot.joints.len() - 1;
+        // Sensors of the outermost body sit on its outer part.
+        let bodies: Vec<usize> =
+            (0..=last).map(|body| if body == last { chain.joints() - 1 } else { first + body }).collect();
+        let laws = Laws::of(robot, laws, &coordinates, &mut layout, &bodies);
         Model {
-            chain: robot.chain(),
+            links,
             drives: (0..robot.joints.len()).map(|joint| Drive::of(robot, &coordinates, joint)).collect(),
-            layout: Layout::of(&transmissions),
+            layout,
             coordinates,
             transmissions,
+            laws,
+            bodies,
         }
     }
 
@@ -62,9 +124,34 @@ impl Model {
         &self.coordinates
     }
 
-    /// The kinematic chain.
+    /// The kinematic chain, passive joints included.
     pub fn chain(&self) -> &Chain {
-        &self.chain
+        self.links.chain()
+    }
+
+    /// The link of the [`chain`](Self::chain) that carries `body` of the robot with its sensors.
+    pub fn body(&self, body: usize) -> usize {
+        self.bodies[body]
+    }
+
+    /// The laws beyond the base model.
+    pub fn laws(&self) -> &[Arc<dyn Law>] {
+        self.laws.list()
+    }
+
+    /// Own states that a lagging gyro reads in place of its body's rate, by axis in the body's axes: the first of three.
+    pub fn lagging(&self, gyro: usize) -> Option<usize> {
+        self.laws.lagging(gyro)
+    }
+
+    /// Standard deviation of what a step of each of the laws' own states may be wrong by, over 1 ms.
+    pub fn own_sigma(&self) -> &[f64] {
+        self.laws.own_sigma()
+    }
+
+    /// Where the time by which inputs are late stands among the coordinates, if a law has one.
+    pub fn input_delay(&self) -> Option<usize> {
+        self.laws.input_delay()
     }
 
     /// The model at solver coordinates `z`.
@@ -73,17 +160,25 @@ impl Model {
     }
 }
 
-/// Where the components of the state stand: (q, q̇, θ, θ̇).
+/// Where the components of the state stand: (q, q̇) of the chain, (θ, θ̇) of elastic joints, states of the laws' own.
+///
+/// ```text
+/// | q: base | robot | structure | q̇ the same | θ of elastic joints | θ̇ | own |
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Layout {
-    joints: usize,
-    /// For each joint, its place among the elastic ones.
+    /// Passive joints before the robot's first.
+    first: usize,
+    /// Joints of the chain, passive ones included.
+    chain: usize,
+    /// For each joint of the robot, its place among the elastic ones.
     elastic: Vec<Option<usize>>,
     elastic_count: usize,
+    own: usize,
 }
 
 impl Layout {
-    fn of(transmissions: &[Transmission]) -> Self {
+    fn of(transmissions: &[Transmission], first: usize, chain: usize) -> Self {
         let mut elastic_count = 0;
         let elastic = transmissions
             .iter()
@@ -94,17 +189,28 @@ impl Layout {
                 })
             })
             .collect();
-        Layout { joints: transmissions.len(), elastic, elastic_count }
+        Layout { first, chain, elastic, elastic_count, own: 0 }
     }
 
     /// Number of state components.
     pub fn size(&self) -> usize {
-        2 * (self.joints + self.elastic_count)
+        2 * (self.chain + self.elastic_count) + self.own
     }
 
-    /// Number of joints n.
+    /// Number of the robot's joints n.
     pub fn joints(&self) -> usize {
-        self.joints
+        self.elastic.len()
+    }
+
+    /// Joints of the chain, passive ones included: its q are the first components, its q̇ those behind them.
+    pub fn chain(&self) -> usize {
+        self.chain
+    }
+
+    /// Joints of the chain that are none of the robot's.
+    pub fn passive(&self) -> impl Iterator<Item = usize> + use<> {
+        let robot = self.first..self.first + self.elastic.len();
+        (0..self.chain).filter(move |i| !robot.contains(i))
     }
 
     /// Whether joint i has a spring.
@@ -114,29 +220,36 @@ impl Layout {
 
     /// q of joint i.
     pub fn q(&self, i: usize) -> usize {
-        i
+        self.first + i
     }
 
     /// q̇ of joint i.
     pub fn qd(&self, i: usize) -> usize {
-        self.joints + i
+        self.chain + self.first + i
     }
 
     /// θ of joint i (q where it is rigid).
     pub fn theta(&self, i: usize) -> usize {
-        self.elastic[i].map_or(i, |e| 2 * self.joints + e)
+        self.elastic[i].map_or(self.q(i), |e| 2 * self.chain + e)
     }
 
     /// θ̇ of joint i (q̇ where it is rigid).
     pub fn thetad(&self, i: usize) -> usize {
-        self.elastic[i].map_or(self.joints + i, |e| 2 * self.joints + self.elastic_count + e)
+        self.elastic[i].map_or(self.qd(i), |e| 2 * self.chain + self.elastic_count + e)
+    }
+
+    /// The laws' own states.
+    pub fn own(&self) -> std::ops::Range<usize> {
+        self.size() - self.own..self.size()
     }
 
     /// For each component of the state, the component that is its time derivative, if one is.
     pub(crate) fn speed_of(&self) -> Vec<Option<usize>> {
         let mut speed = vec![None; self.size()];
-        for i in 0..self.joints {
-            speed[self.q(i)] = Some(self.qd(i));
+        for i in 0..self.chain {
+            speed[i] = Some(self.chain + i);
+        }
+        for i in 0..self.joints() {
             speed[self.theta(i)] = Some(self.thetad(i));
         }
         speed

@@ -4,6 +4,9 @@
 //! in (k_pwm/b, k_mi/b, 1/b, μ/b) instead: equation (9) is linear in these. Where b belongs to rigid joints (it then adds to the
 //! links' inertia) or is known, parameters stay as they are.
 
+use std::sync::Arc;
+
+use super::law::{Law, Parameters};
 use crate::robot::chain::Scalar;
 use crate::robot::{ParameterSpec, Robot, Symbol, Transmission};
 
@@ -26,15 +29,27 @@ pub struct Coordinate {
     form: Form,
 }
 
-/// All free parameters of the dynamics, in the order of the robot's parameters.
+/// All free parameters of the dynamics: those of the base model in the order of the robot's parameters, then the laws'.
+///
+/// Results are the physical parameters: as many as coordinates in the base model, but a law's may be more or fewer.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Coordinates {
     list: Vec<Coordinate>,
+    laws: Vec<LawBlock>,
+}
+
+/// The parameters of one law.
+#[derive(Debug, Clone, PartialEq)]
+struct LawBlock {
+    /// Its first coordinate and its first result.
+    first: usize,
+    first_result: usize,
+    parameters: Parameters,
 }
 
 impl Coordinates {
-    /// The free dynamics parameters of `robot`.
-    pub fn of(robot: &Robot) -> Self {
+    /// The free dynamics parameters of `robot`, and those of `laws`.
+    pub(super) fn of(robot: &Robot, laws: &[Arc<dyn Law>]) -> Self {
         let specs: Vec<&ParameterSpec> =
             robot.parameters().iter().filter(|spec| spec.value.free && !spec.joints.is_empty()).collect();
         let elastic =
@@ -44,7 +59,7 @@ impl Coordinates {
                 b.symbol == Symbol::B && elastic(b) && spec.joints.iter().all(|joint| b.joints.contains(joint))
             })
         };
-        let list = specs
+        let list: Vec<Coordinate> = specs
             .iter()
             .map(|spec| {
                 let form = match spec.symbol {
@@ -57,32 +72,76 @@ impl Coordinates {
                 Coordinate { spec: (*spec).clone(), form }
             })
             .collect();
-        Coordinates { list }
+        let (mut first, mut first_result) = (list.len(), list.len());
+        let laws = laws.iter().map(|law| {
+            let block = LawBlock { first, first_result, parameters: law.parameters().clone() };
+            first += block.parameters.coordinates.len();
+            first_result += block.parameters.results.len();
+            block
+        });
+        let laws = laws.collect();
+        Coordinates { list, laws }
     }
 
     /// Number of coordinates.
     pub fn len(&self) -> usize {
-        self.list.len()
+        self.laws.last().map_or(self.list.len(), |block| block.first + block.parameters.coordinates.len())
     }
 
     /// Whether everything is known.
     pub fn is_empty(&self) -> bool {
-        self.list.is_empty()
+        self.len() == 0
     }
 
-    /// The coordinates in order.
+    /// The base model's coordinates in order.
     pub fn iter(&self) -> impl Iterator<Item = &Coordinate> {
         self.list.iter()
+    }
+
+    /// Number of results.
+    pub fn results(&self) -> usize {
+        self.laws.last().map_or(self.list.len(), |block| block.first_result + block.parameters.results.len())
+    }
+
+    /// Name and unit of every result.
+    pub fn names(&self) -> impl Iterator<Item = (&str, &'static str)> {
+        let base = self.list.iter().map(|c| (c.spec.name.as_str(), c.spec.unit));
+        base.chain(
+            self.laws.iter().flat_map(|block| block.parameters.results.iter().map(|r| (r.name.as_str(), r.unit))),
+        )
+    }
+
+    /// The first coordinate of a law, by its place among the laws.
+    pub(crate) fn first_of_law(&self, law: usize) -> usize {
+        self.laws[law].first
+    }
+
+    /// The coordinates of a law, by its place among the laws, out of all.
+    pub(crate) fn of_law<'z>(&self, law: usize, z: &'z [f64]) -> &'z [f64] {
+        let block = &self.laws[law];
+        &z[block.first..block.first + block.parameters.coordinates.len()]
     }
 
     /// Solver coordinates of the start values.
     pub fn start(&self) -> Vec<f64> {
         let physical: Vec<f64> = self.list.iter().map(|c| c.spec.value.start).collect();
-        self.from_physical(&physical)
+        let mut z = self.base_from_physical(&physical);
+        for block in &self.laws {
+            z.extend(block.parameters.coordinates.iter().map(|coordinate| coordinate.start));
+        }
+        z
     }
 
-    /// Solver coordinates of physical values.
+    /// Solver coordinates of physical values, one a result.
     pub fn from_physical(&self, physical: &[f64]) -> Vec<f64> {
+        let mut z = self.base_from_physical(physical);
+        for block in &self.laws {
+            z.extend(block.parameters.recall(&physical[block.first_result..]));
+        }
+        z
+    }
+
+    fn base_from_physical(&self, physical: &[f64]) -> Vec<f64> {
         let convert = |(c, &value): (&Coordinate, &f64)| match c.form {
             Form::Direct => value,
             Form::Inverse => 1.0 / value,
@@ -91,14 +150,22 @@ impl Coordinates {
         self.list.iter().zip(physical).map(convert).collect()
     }
 
-    /// Physical values of solver coordinates.
+    /// Physical values of solver coordinates, one a result.
     pub fn to_physical(&self, z: &[f64]) -> Vec<f64> {
-        (0..self.len()).map(|i| self.physical_and_slopes(z, i).0).collect()
+        (0..self.results()).map(|i| self.physical_and_slopes(z, i).0).collect()
     }
 
-    /// The physical value of coordinate i, and its derivatives `(coordinate, ∂physical/∂z)` (at most two).
+    /// Result i, and its derivatives `(coordinate, ∂result/∂z)`.
     pub fn physical_and_slopes(&self, z: &[f64], i: usize) -> (f64, Vec<(usize, f64)>) {
-        match self.list[i].form {
+        let Some(coordinate) = self.list.get(i) else {
+            let law = self.laws.iter().rposition(|block| block.first_result <= i);
+            // Results behind the base's belong to a law.
+            let Some(law) = law else { return (f64::NAN, Vec::new()) };
+            let block = &self.laws[law];
+            let (value, slopes) = block.parameters.results[i - block.first_result].form.value(self.of_law(law, z));
+            return (value, slopes.into_iter().map(|(own, slope)| (block.first + own, slope)).collect());
+        };
+        match coordinate.form {
             Form::Direct => (z[i], vec![(i, 1.0)]),
             Form::Inverse => (1.0 / z[i], vec![(i, -1.0 / (z[i] * z[i]))]),
             Form::OverInertia(b) => (z[i] / z[b], vec![(i, 1.0 / z[b]), (b, -z[i] / (z[b] * z[b]))]),

@@ -59,7 +59,7 @@ fn derivatives_of_the_dynamics_are_those_of_differences() {
         let (size, columns) = (model.layout().size(), model.layout().size() + z.len());
         for seed in 0..5 {
             let (x, u) = random_point(&model, seed);
-            let mut linear = Linear { xdot: vec![], slopes: vec![] };
+            let mut linear = Linear::default();
             model.at(&z).linearise(&x, &u, &mut linear);
             let mut plain = vec![0.0; size];
             model.at(&z).derivative(&x, &u, &mut plain);

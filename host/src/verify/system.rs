@@ -5,10 +5,14 @@ use std::ops::Range;
 /// A system x_{k+1} = f(x_k, u_k, Δt), z_k = h(x_k) with Jacobians.
 ///
 /// All slices have the lengths that [`states`](Self::states) and [`outputs`](Self::outputs) say; matrices are row-major.
-/// Methods take `&mut self` for scratch space only: the same arguments give the same result. Each thread has a clone.
+/// Methods take `&mut self` for scratch space and the time only: the same arguments at the same time give the same result. Each thread has a
+/// clone.
 pub trait System: Clone + Send {
     /// Number of states.
     fn states(&self) -> usize;
+
+    /// What follows belongs to the sample at this time, s since the start of the recording. Few systems change with time.
+    fn at_time(&mut self, _time_s: f64) {}
 
     /// Number of outputs, in the order of the recording's channels.
     fn outputs(&self) -> usize;

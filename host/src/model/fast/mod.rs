@@ -4,7 +4,7 @@
 //! differences that make them fast. The derivative of the link torque is taken in closed form (`bodies`), and four neighbouring samples
 //! fill the lanes of a vector, so that nothing is lost to short loops.
 //!
-//! What it covers: chains of [`JOINTS`] revolute elastic joints without Coriolis terms and without gravity on a joint. Everything else
+//! What it covers: chains of [`JOINTS`] revolute elastic joints without Coriolis terms and without gravity on a joint, and no laws of effects. Everything else
 //! takes the generic walk.
 //!
 //! ```text
@@ -44,7 +44,7 @@ impl Fast {
         let elastic = model.transmissions.iter().all(|&t| t == Transmission::Elastic);
         let revolute = chain.frames().all(|link| link.kind == JointKind::Revolute);
         let quiet = !chain.has_coriolis() && !chain.has_gravity();
-        let covered = elastic && revolute && quiet && chain.joints() == JOINTS;
+        let covered = elastic && revolute && quiet && chain.joints() == JOINTS && model.laws().is_empty();
         covered.then(|| Fast { links: Links::of(chain) })
     }
 }

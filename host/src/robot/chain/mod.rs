@@ -145,6 +145,12 @@ impl Chain {
         Ok(chain)
     }
 
+    /// The same chain with or without Coriolis and centrifugal torques.
+    #[must_use]
+    pub fn with_coriolis(self, coriolis: bool) -> Self {
+        Self { coriolis, ..self }
+    }
+
     /// Number of joints, passive ones included.
     pub fn joints(&self) -> usize {
         self.links.len()

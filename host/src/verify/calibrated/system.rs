@@ -1,150 +1,30 @@
-//! A calibrated robot as the filter and the runs see it: its dynamics, its sensors, their Jacobians.
+//! A calibrated model as a [`System`]: steps and readings with their Jacobians.
 
-use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
+use nalgebra::{DMatrix, DVector, Vector3};
 
-use super::VerifyError;
-use super::system::System;
-use crate::calibrate::Calibration;
-use crate::model::rotation::boxplus;
-use crate::model::{Dynamics, Integrator, Linear, Model, SensorFrame, StepSlopes, Stepper};
-use crate::robot::{Channel, ChannelKind, ParameterSpec, Robot, Symbol};
+use super::super::system::System;
+use super::CalibratedModel;
+use crate::model::{Dynamics, Input, Linear, SensorFrame, StepSlopes, Stepper};
+use crate::robot::{ChannelKind, Side};
 
-/// A robot with values for all of its parameters.
-#[derive(Debug, Clone)]
-pub struct CalibratedModel {
-    robot: Robot,
-    channels: Vec<Channel>,
-    model: Model,
-    /// Coordinates of the dynamics.
-    z: Vec<f64>,
-    /// R_imu of each gyro, body axes → sensor axes.
-    rotations: Vec<Matrix3<f64>>,
-    /// rad/s in sensor axes.
-    biases: Vec<Vector3<f64>>,
-    integrator: Integrator,
-}
-
-impl CalibratedModel {
-    /// The model of a calibration. Gyro biases are those of recording `recording` of the calibration where each has its
-    /// own, and their mean over the recordings if it is `None`.
-    ///
-    /// # Errors
-    /// If the robot description inside the calibration does not parse, or an estimate is missing.
-    pub fn of(calibration: &Calibration, recording: Option<usize>) -> Result<Self, VerifyError> {
-        let robot = Robot::parse(&calibration.robot_toml)?;
-        let recordings = calibration.recordings.len().max(1);
-        let estimate = |name: &str| calibration.parameter(name).map(|parameter| parameter.estimate);
-        let own = |name: &str, i: usize| estimate(&format!("{name}@{}", i + 1));
-        let value = |name: &str| {
-            estimate(name).or_else(|| match recording {
-                Some(i) => own(name, i),
-                None => (0..recordings).map(|i| own(name, i)).sum::<Option<f64>>().map(|sum| sum / recordings as f64),
-            })
-        };
-        Self::from_values(robot, calibration.preset.assumptions().integrator, value)
-    }
-
-    /// `robot` with the values that `value` gives for the names of [`Robot::parameters`]; known parameters keep the
-    /// robot's value where it gives none.
-    ///
-    /// # Errors
-    /// [`VerifyError::MissingParameter`] if a free parameter has no value.
-    pub fn from_values(
-        robot: Robot,
-        integrator: Integrator,
-        value: impl Fn(&str) -> Option<f64>,
-    ) -> Result<Self, VerifyError> {
-        let of_spec = |spec: &ParameterSpec| match value(&spec.name) {
-            Some(value) => Ok(value),
-            None if !spec.value.free => Ok(spec.value.start),
-            None => Err(VerifyError::MissingParameter { name: spec.name.clone() }),
-        };
-        let model = Model::new(&robot);
-        let physical: Vec<f64> = model.coordinates().iter().map(|c| of_spec(&c.spec)).collect::<Result<_, _>>()?;
-        let z = model.coordinates().from_physical(&physical);
-        let mut rotations: Vec<Vector3<f64>> = vec![Vector3::zeros(); robot.gyros().count()];
-        let mut biases = rotations.clone();
-        for spec in robot.parameters() {
-            match spec.symbol {
-                Symbol::Bias { gyro, axis } => biases[gyro][axis] = of_spec(spec)?,
-                Symbol::Misalignment { gyro, axis } => rotations[gyro][axis] = of_spec(spec)?,
-                _ => {}
-            }
-        }
-        let rotations = robot
-            .gyros()
-            .zip(&rotations)
-            .map(|(gyro, delta)| boxplus(&Matrix3::from_fn(|i, j| gyro.rotation[i][j]), delta))
-            .collect();
-        Ok(Self { channels: robot.channels(), robot, model, z, rotations, biases, integrator })
-    }
-
-    /// The robot.
-    pub fn robot(&self) -> &Robot {
-        &self.robot
-    }
-
-    /// The model's equations.
-    pub fn model(&self) -> &Model {
-        &self.model
-    }
-
-    /// The model as a system.
-    pub fn system(&self) -> CalibratedSystem<'_> {
-        CalibratedSystem {
-            calibrated: self,
-            dynamics: self.model.at(&self.z),
-            stepper: Stepper::new(self.integrator),
-            slopes: StepSlopes::default(),
-            linear: Linear::default(),
-            frame: SensorFrame::default(),
-            late: vec![0.0; self.model.layout().size()],
-            late_jacobian: Vec::new(),
-        }
-    }
-
-    /// The component of the state that a channel reads directly; `None` for gyros.
-    fn component(&self, kind: ChannelKind) -> Option<usize> {
-        let layout = self.model.layout();
-        match kind {
-            ChannelKind::MotorPosition { joint } => Some(layout.theta(joint)),
-            ChannelKind::LinkPosition { joint } => Some(layout.q(joint)),
-            ChannelKind::MotorSpeed { joint } => Some(layout.thetad(joint)),
-            ChannelKind::LinkSpeed { joint } => Some(layout.qd(joint)),
-            ChannelKind::GyroAxis { .. } => None,
-        }
-    }
-
-    /// The state of a robot at rest with relaxed transmissions where the position channels read this.
-    pub fn rest_state(&self, readings: &[f64]) -> Vec<f64> {
-        let layout = self.model.layout();
-        let mut x = vec![0.0; layout.size()];
-        let read = |kind: fn(usize) -> ChannelKind, joint: usize| {
-            let channel = self.channels.iter().position(|c| c.kind == kind(joint))?;
-            Some(readings[channel]).filter(|v| v.is_finite())
-        };
-        for joint in 0..layout.joints() {
-            let motor = read(|joint| ChannelKind::MotorPosition { joint }, joint);
-            let link = read(|joint| ChannelKind::LinkPosition { joint }, joint);
-            x[layout.q(joint)] = link.or(motor).unwrap_or(0.0);
-            x[layout.theta(joint)] = motor.or(link).unwrap_or(0.0);
-        }
-        x
-    }
+/// The inputs, already as late as they act, at a time.
+fn held(u: &[f64], time_s: f64) -> Input<'_> {
+    Input { u, by_delay: &[], time_s }
 }
 
 /// A [`CalibratedModel`] with the scratch space of one thread.
 #[derive(Debug, Clone)]
 pub struct CalibratedSystem<'m> {
-    calibrated: &'m CalibratedModel,
-    dynamics: Dynamics<'m>,
-    stepper: Stepper,
-    slopes: StepSlopes,
-    linear: Linear,
-    frame: SensorFrame,
+    pub(super) calibrated: &'m CalibratedModel,
+    pub(super) dynamics: Dynamics<'m>,
+    pub(super) stepper: Stepper,
+    pub(super) slopes: StepSlopes,
+    pub(super) linear: Linear,
+    pub(super) frame: SensorFrame,
     /// The state at the instant of a reading, and its derivatives by the state of the sample.
-    late: Vec<f64>,
-    late_jacobian: Vec<f64>,
+    pub(super) late: Vec<f64>,
+    pub(super) late_jacobian: Vec<f64>,
+    pub(super) time_s: f64,
 }
 
 impl CalibratedSystem<'_> {
@@ -163,7 +43,7 @@ impl CalibratedSystem<'_> {
             return;
         }
         if with_jacobian {
-            self.dynamics.linearise(x, u, &mut self.linear);
+            self.dynamics.linearise(x, held(u, self.time_s), &mut self.linear);
             let columns = self.dynamics.columns();
             for i in 0..n {
                 for j in 0..n {
@@ -172,7 +52,7 @@ impl CalibratedSystem<'_> {
             }
         } else {
             self.linear.xdot.resize(n, 0.0);
-            self.dynamics.derivative(x, u, &mut self.linear.xdot);
+            self.dynamics.derivative(x, held(u, self.time_s), &mut self.linear.xdot);
         }
         for (late, xdot) in self.late.iter_mut().zip(&self.linear.xdot) {
             *late += offset_s * xdot;
@@ -182,7 +62,7 @@ impl CalibratedSystem<'_> {
     fn predict_outputs(&mut self, x: &[f64], u: &[f64], outputs: &mut [f64], mut jacobian: Option<&mut [f64]>) {
         let calibrated = self.calibrated;
         let n = x.len();
-        let joints = calibrated.model.layout().joints();
+        let joints = calibrated.model.layout().chain();
         let mut read_at = f64::NAN;
         let mut row = vec![0.0; n];
         for (i, channel) in calibrated.channels.iter().enumerate() {
@@ -198,7 +78,12 @@ impl CalibratedSystem<'_> {
             }
             row.fill(0.0);
             outputs[i] = match channel.kind {
+                ChannelKind::GyroAxis { gyro, body, axis } if self.gyro_under_laws(gyro) => {
+                    let body = calibrated.model.body(body);
+                    self.gyro_axis_under_laws((gyro, body, axis), joints, jacobian.is_some(), &mut row)
+                }
                 ChannelKind::GyroAxis { gyro, body, axis } => {
+                    let body = calibrated.model.body(body);
                     let sensor_axis = calibrated.rotations[gyro].row(axis);
                     if jacobian.is_some() {
                         for (column, slope) in row[..2 * joints].iter_mut().enumerate() {
@@ -206,6 +91,12 @@ impl CalibratedSystem<'_> {
                         }
                     }
                     (sensor_axis * self.frame.rate(body))[0] + calibrated.biases[gyro][axis]
+                }
+                ChannelKind::MotorPosition { joint } if calibrated.sensor_laws.see_position(Side::Motor, joint) => {
+                    self.position_under_laws(Side::Motor, joint, &mut row)
+                }
+                ChannelKind::LinkPosition { joint } if calibrated.sensor_laws.see_position(Side::Link, joint) => {
+                    self.position_under_laws(Side::Link, joint, &mut row)
                 }
                 kind => {
                     // Every other kind reads a component.
@@ -229,10 +120,59 @@ impl CalibratedSystem<'_> {
         }
     }
 
-    /// q̇ that explains the gyros best at positions `x`; zero where nothing does.
+    fn gyro_under_laws(&self, gyro: usize) -> bool {
+        self.calibrated.sensor_laws.see_gyro(gyro) || self.calibrated.model.lagging(gyro).is_some()
+    }
+
+    /// What an axis of a gyro reads, and its gradient by the state at the instant of the reading.
+    fn gyro_axis_under_laws(
+        &self,
+        (gyro, body, axis): (usize, usize, usize),
+        joints: usize,
+        with_gradient: bool,
+        row: &mut [f64],
+    ) -> f64 {
+        let calibrated = self.calibrated;
+        let lagging = calibrated.model.lagging(gyro);
+        let omega =
+            lagging.map_or_else(|| self.frame.rate(body), |own| Vector3::from_column_slice(&self.late[own..own + 3]));
+        let rotation = &calibrated.rotations[gyro];
+        let at = (gyro, self.time_s);
+        let bias = calibrated.biases[gyro];
+        let reading = calibrated.sensor_laws.gyro(&calibrated.model, &calibrated.z, at, rotation * omega, bias);
+        if with_gradient {
+            let by_omega = rotation.transpose() * reading.by_rate[axis];
+            match lagging {
+                Some(own) => row[own..own + 3].copy_from_slice(by_omega.as_slice()),
+                None => {
+                    for (column, slope) in row[..2 * joints].iter_mut().enumerate() {
+                        *slope = self.frame.slope(body, column).dot(&by_omega);
+                    }
+                }
+            }
+        }
+        reading.value[axis]
+    }
+
+    /// What a position sensor reads, and its gradient by the state at the instant of the reading.
+    fn position_under_laws(&self, side: Side, joint: usize, row: &mut [f64]) -> f64 {
+        let calibrated = self.calibrated;
+        let layout = calibrated.model.layout();
+        let [position, speed] = match side {
+            Side::Motor => [layout.theta(joint), layout.thetad(joint)],
+            Side::Link => [layout.q(joint), layout.qd(joint)],
+        };
+        let at = [self.late[position], self.late[speed]];
+        let reading = calibrated.sensor_laws.position(&calibrated.model, &calibrated.z, (side, joint), at, 0.0);
+        row[position] += reading.slopes[0];
+        row[speed] += reading.slopes[1];
+        reading.value
+    }
+
+    /// Speeds of the chain that explain the gyros best at positions `x`; zero where nothing does.
     fn speeds_from_gyros(&mut self, x: &[f64], readings: &[f64]) -> Vec<f64> {
         let calibrated = self.calibrated;
-        let joints = calibrated.model.layout().joints();
+        let joints = calibrated.model.layout().chain();
         let (q, _) = x.split_at(joints);
         self.frame.linearise(calibrated.model.chain(), q, &vec![0.0; joints]);
         let mut rows = Vec::new();
@@ -241,7 +181,7 @@ impl CalibratedSystem<'_> {
             if let ChannelKind::GyroAxis { gyro, body, axis } = channel.kind
                 && reading.is_finite()
             {
-                let sensor_axis = calibrated.rotations[gyro].row(axis);
+                let (sensor_axis, body) = (calibrated.rotations[gyro].row(axis), calibrated.model.body(body));
                 rows.extend((0..joints).map(|j| (sensor_axis * self.frame.slope(body, joints + j))[0]));
                 right.push(reading - calibrated.biases[gyro][axis]);
             }
@@ -272,13 +212,17 @@ impl System for CalibratedSystem<'_> {
         self.calibrated.channels.len()
     }
 
+    fn at_time(&mut self, time_s: f64) {
+        self.time_s = time_s;
+    }
+
     fn step(&mut self, x: &[f64], u: &[f64], dt_s: f64, next: &mut [f64]) {
-        self.stepper.step(&self.dynamics, x, u, dt_s, next);
+        self.stepper.step(&self.dynamics, x, held(u, self.time_s), dt_s, next);
     }
 
     fn step_jacobian(&mut self, x: &[f64], u: &[f64], dt_s: f64, next: &mut [f64], jacobian: &mut [f64]) {
         let n = x.len();
-        self.stepper.step_slopes(&self.dynamics, x, u, dt_s, &mut self.slopes);
+        self.stepper.step_slopes(&self.dynamics, x, held(u, self.time_s), dt_s, &mut self.slopes);
         next.copy_from_slice(&self.slopes.next);
         let rows = self.slopes.slopes.chunks_exact(self.dynamics.columns());
         for (row, slopes) in jacobian.chunks_exact_mut(n).zip(rows) {
@@ -296,7 +240,8 @@ impl System for CalibratedSystem<'_> {
 
     fn is_velocity(&self, state: usize) -> bool {
         let layout = self.calibrated.model.layout();
-        (0..layout.joints()).any(|j| layout.qd(j) == state || layout.thetad(j) == state)
+        let of_chain = layout.chain()..2 * layout.chain();
+        of_chain.contains(&state) || (0..layout.joints()).any(|j| layout.thetad(j) == state)
     }
 
     fn first_guess(&mut self, readings: &[f64]) -> (Vec<f64>, Vec<f64>) {
@@ -305,11 +250,27 @@ impl System for CalibratedSystem<'_> {
         let mut x = calibrated.rest_state(readings);
         let mut deviation = vec![UNKNOWN_POSITION; x.len()];
         let speeds = self.speeds_from_gyros(&x, readings);
-        for (joint, speed) in speeds.into_iter().enumerate() {
-            x[layout.qd(joint)] = speed;
-            x[layout.thetad(joint)] = speed;
-            deviation[layout.qd(joint)] = SPEED;
+        for (i, speed) in speeds.iter().enumerate() {
+            x[layout.chain() + i] = *speed;
+            deviation[layout.chain() + i] = SPEED;
+        }
+        for joint in 0..layout.joints() {
+            x[layout.thetad(joint)] = x[layout.qd(joint)];
             deviation[layout.thetad(joint)] = SPEED;
+        }
+        for i in layout.passive() {
+            deviation[i] = WINDUP;
+        }
+        for channel in &calibrated.channels {
+            // A gyro that lags shows the body's rate of a moment ago.
+            if let ChannelKind::GyroAxis { gyro, body, axis: 0 } = channel.kind
+                && let Some(own) = calibrated.model.lagging(gyro)
+            {
+                let (q, qd) = x[..2 * layout.chain()].split_at(layout.chain());
+                self.frame.rates(calibrated.model.chain(), q, qd);
+                let rate = self.frame.rate(calibrated.model.body(body));
+                x[own..own + 3].copy_from_slice(rate.as_slice());
+            }
         }
         for (channel, reading) in calibrated.channels.iter().zip(readings) {
             let Some(component) = calibrated.component(channel.kind).filter(|_| reading.is_finite()) else { continue };

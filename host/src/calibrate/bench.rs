@@ -1,0 +1,278 @@
+//! A bench for models: one recording, one frozen noise, and any laws tried on it from the end of another trial.
+//!
+//! A diagnosis tries hundreds of models. What they have in common is made once: the samples, cut down to windows where the recording is
+//! long, the noise, and what the motion does not determine. A trial is a search from where another one ended; it keeps what the next one
+//! needs, and no result for users.
+
+use std::sync::Arc;
+
+use nalgebra::{DMatrix, Matrix3, Vector3};
+
+use super::extension::{self, Known};
+use super::noise::Noise;
+use super::point::Point;
+use super::preset::Preset;
+use super::problem::Problem;
+use super::series::Series;
+use super::{CalibrateError, Fit, identify, observability};
+use crate::model::law::Law;
+use crate::model::{Layout, Model};
+use crate::robot::{InputUnit, Robot, Symbol};
+use crate::solve::LeastSquares;
+use crate::solve::border::Border;
+use crate::solve::levenberg::{self, Settings};
+
+/// A value with its standard error under the frozen noise.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TrialValue {
+    /// As in results.
+    pub name: String,
+    /// Unit.
+    pub unit: &'static str,
+    /// Estimate.
+    pub estimate: f64,
+    /// `None` where the search holds it or nothing shows it.
+    pub std_error: Option<f64>,
+    /// How much what else is unknown takes of its information: 1 is nothing.
+    pub vif: f64,
+}
+
+/// The end of a search on a [`Bench`].
+#[derive(Debug, Clone)]
+pub struct Trial {
+    /// What extends the base model.
+    pub laws: Vec<Arc<dyn Law>>,
+    /// ½ Σ r².
+    pub cost: f64,
+    /// Iterations taken.
+    pub iterations: usize,
+    /// Whether the search came to an end by itself.
+    pub ended: bool,
+    /// Every parameter of the dynamics, the laws' behind the base model's.
+    pub values: Vec<TrialValue>,
+    rotations: Vec<Matrix3<f64>>,
+    biases: Vec<Vec<Vector3<f64>>>,
+    states: Vec<f64>,
+    layout: Layout,
+}
+
+impl Trial {
+    /// The value of this name.
+    pub fn value(&self, name: &str) -> Option<&TrialValue> {
+        self.values.iter().find(|value| value.name == name)
+    }
+
+    /// Position and speed of link and motor of a joint at stage k.
+    pub fn joint(&self, k: usize, joint: usize) -> JointState {
+        let (x, layout) = (&self.states[k * self.layout.size()..][..self.layout.size()], &self.layout);
+        let (q, qd) = (x[layout.q(joint)], x[layout.qd(joint)]);
+        let elastic = layout.is_elastic(joint);
+        let (theta, thetad) = if elastic { (x[layout.theta(joint)], x[layout.thetad(joint)]) } else { (q, qd) };
+        JointState { q, qd, theta, thetad }
+    }
+
+    /// The same states under the shared unknowns of `other`, a trial on other samples.
+    pub fn with_values(&self, other: &Trial) -> Trial {
+        Trial {
+            values: other.values.clone(),
+            rotations: other.rotations.clone(),
+            biases: other.biases.clone(),
+            laws: other.laws.clone(),
+            ..self.clone()
+        }
+    }
+
+    fn known(&self) -> Known<'_> {
+        Known {
+            value: Box::new(|name| self.value(name).map(|value| value.estimate)),
+            rotations: self.rotations.clone(),
+            biases: self.biases.clone(),
+            states: &self.states,
+            layout: &self.layout,
+        }
+    }
+}
+
+/// A joint at one instant, rad or m and per second.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct JointState {
+    /// Link position.
+    pub q: f64,
+    /// Link speed.
+    pub qd: f64,
+    /// Motor position.
+    pub theta: f64,
+    /// Motor speed.
+    pub thetad: f64,
+}
+
+/// See the [module](self).
+pub struct Bench<'a> {
+    robot: &'a Robot,
+    series: Series,
+    noise: Noise,
+    layout: Layout,
+    preset: Preset,
+    /// What the motion does not determine of the base model, in the unknowns of its border.
+    weak: Vec<Vec<f64>>,
+    base_unknowns: usize,
+    settings: Settings,
+}
+
+impl<'a> Bench<'a> {
+    /// A bench for models of `robot` on `series` under `noise` (of the base model), and the base model on it, searched from `fit`.
+    ///
+    /// # Errors
+    /// As a calibration's.
+    pub fn new(
+        robot: &'a Robot,
+        series: Series,
+        fit: &Fit,
+        noise: Noise,
+        settings: Settings,
+    ) -> Result<(Self, Trial), CalibrateError> {
+        let model = Model::new(robot);
+        let base_unknowns = model.coordinates().len();
+        let mut bench = Bench {
+            robot,
+            series,
+            noise,
+            layout: model.layout().clone(),
+            preset: fit.calibration.preset,
+            weak: Vec::new(),
+            base_unknowns,
+            settings,
+        };
+        let mut known = extension::known(fit);
+        // Its states belong to other samples.
+        known.states = &[];
+        let iterations = bench.settings.max_iterations;
+        let mut base = bench.search(&[], &known, iterations)?;
+        bench.weak = bench.weak_directions(&base)?;
+        if !bench.weak.is_empty() {
+            base = bench.search(&[], &known, iterations)?;
+        }
+        Ok((bench, base))
+    }
+
+    /// The samples.
+    pub fn series(&self) -> &Series {
+        &self.series
+    }
+
+    /// The robot.
+    pub fn robot(&self) -> &'a Robot {
+        self.robot
+    }
+
+    /// What rows are weighted by.
+    pub fn noise(&self) -> &Noise {
+        &self.noise
+    }
+
+    /// Fits the base model with `laws`, in at most so many iterations from the end of `from`.
+    ///
+    /// # Errors
+    /// A model that cannot be built or solved.
+    pub fn fit(&self, laws: &[Arc<dyn Law>], from: &Trial, iterations: usize) -> Result<Trial, CalibrateError> {
+        self.search(laws, &from.known(), iterations)
+    }
+
+    /// k_pwm U u (or k_t i, or the torque itself) at stage k by the values of a trial, N m or N.
+    pub fn driving_torque(&self, trial: &Trial, k: usize, joint: usize) -> f64 {
+        let symbol = match self.robot.input.unit {
+            InputUnit::Duty | InputUnit::Volt => Some(Symbol::KPwm),
+            InputUnit::Ampere => Some(Symbol::KT),
+            InputUnit::NewtonMetre | InputUnit::Newton => None,
+        };
+        let spec = symbol.and_then(|symbol| self.robot.joint_parameter(symbol, joint));
+        let constant = spec.map_or(1.0, |spec| trial.value(&spec.name).map_or(spec.value.start, |v| v.estimate));
+        constant * self.robot.input.scale * self.series.input(k)[joint]
+    }
+
+    fn problem<'m>(&'m self, model: &'m Model) -> Problem<'m> {
+        let assumptions = extension::assumptions(model.laws(), self.preset);
+        let assumed = Noise::assumed(self.robot, model, &self.series, &assumptions);
+        let mut problem = Problem::new(model, self.robot, &self.series, assumptions);
+        problem.set_noise(self.noise.carried(&self.layout, model.layout(), assumed));
+        problem
+    }
+
+    fn search(&self, laws: &[Arc<dyn Law>], from: &Known<'_>, iterations: usize) -> Result<Trial, CalibrateError> {
+        let model = Model::extended(self.robot, laws.to_vec())?;
+        let mut problem = self.problem(&model);
+        let start = extension::warm_start(&problem, self.robot, &self.series, from, &self.settings);
+        problem.shift_readings(&start.z);
+        let structural = observability::structural(&model, self.robot, problem.border());
+        let added = model.coordinates().len() - self.base_unknowns;
+        let weak = self.weak.iter().map(|direction| {
+            let (base, rest) = direction.split_at(self.base_unknowns);
+            base.iter().copied().chain(std::iter::repeat_n(0.0, added)).chain(rest.iter().copied()).collect()
+        });
+        let held: Vec<Vec<f64>> = structural.into_iter().map(|held| held.direction).chain(weak).collect();
+        let settings = Settings { max_iterations: iterations, ..self.settings.clone() };
+        let solution = levenberg::minimise(&problem, start, &held, &settings, |_, _| {})?;
+        let border = Border::new(&solution.information, &solution.gradient, &held);
+        let point = solution.point;
+        let values = values(&problem, &point, &border, &solution.information);
+        Ok(Trial {
+            laws: laws.to_vec(),
+            cost: solution.cost,
+            iterations: solution.iterations.len(),
+            ended: solution.status != levenberg::Status::IterationLimit,
+            values,
+            rotations: point.rotations,
+            biases: point.biases,
+            states: point.states,
+            layout: model.layout().clone(),
+        })
+    }
+
+    fn weak_directions(&self, base: &Trial) -> Result<Vec<Vec<f64>>, CalibrateError> {
+        let model = Model::new(self.robot);
+        let problem = self.problem(&model);
+        let structural = observability::structural(&model, self.robot, problem.border());
+        let point = extension::warm_start(&problem, self.robot, &self.series, &base.known(), &self.settings);
+        let judged = identify::judge(&problem, self.robot, &point, &structural, self.settings.threads)?;
+        Ok(judged.weak.into_iter().map(|held| held.direction).collect())
+    }
+
+    /// ½ Σ r² of every `stages` stages at the end of a trial: what each part of the recording says.
+    ///
+    /// # Errors
+    /// A model that cannot be built.
+    pub fn costs(&self, trial: &Trial, stages: usize) -> Result<Vec<f64>, CalibrateError> {
+        let model = Model::extended(self.robot, trial.laws.clone())?;
+        let mut problem = self.problem(&model);
+        let point = extension::warm_start(&problem, self.robot, &self.series, &trial.known(), &self.settings);
+        problem.shift_readings(&point.z);
+        let mut scratch = problem.scratch();
+        let count = self.series.stages();
+        let blocks = (0..count).step_by(stages).map(|first| first..(first + stages).min(count));
+        Ok(blocks.map(|block| problem.cost(&point, block, &mut scratch)).collect())
+    }
+}
+
+/// The results of the dynamics with their errors.
+fn values(problem: &Problem<'_>, point: &Point<'_>, border: &Border, information: &[f64]) -> Vec<TrialValue> {
+    let coordinates = problem.model.coordinates();
+    let covariance = border.covariance();
+    let size = problem.border().size();
+    coordinates
+        .names()
+        .enumerate()
+        .map(|(i, (name, unit))| {
+            let (estimate, slopes) = coordinates.physical_and_slopes(&point.z, i);
+            let variance = |covariance: &DMatrix<f64>| {
+                let sum = slopes.iter().flat_map(|(a, by_a)| slopes.iter().map(move |(b, by_b)| (a, b, by_a * by_b)));
+                sum.map(|(a, b, by)| by * covariance[(*a, *b)]).sum::<f64>()
+            };
+            let std_error = covariance.as_ref().map(|c| variance(c).sqrt()).filter(|e| e.is_finite() && *e > 0.0);
+            let inflation = |(a, _): &(usize, f64)| {
+                covariance.as_ref().map_or(f64::NAN, |c| c[(*a, *a)] * information[a * size + a])
+            };
+            let vif = slopes.iter().map(inflation).fold(f64::NAN, f64::max);
+            TrialValue { name: name.to_string(), unit, estimate, std_error, vif }
+        })
+        .collect()
+}

@@ -1,0 +1,195 @@
+//! A base model extended by effects: which laws, and where their search starts.
+
+use std::sync::Arc;
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::point::Point;
+use super::start::{self, Shared};
+use super::{Assumptions, CalibrateError, Fit, Noise, Preset, Problem, Series, observability};
+use crate::effect::{CATALOGUE, Effect, EffectError};
+use crate::model::law::{Form, Law};
+use crate::model::{Integrator, Layout, Model};
+use crate::robot::Robot;
+use crate::solve::levenberg::{self, Settings, total_cost};
+
+/// Iterations that alternatives of a law get before the best goes on alone, and so many where there are many of them.
+const TRIAL_ITERATIONS: usize = 2;
+const MANY: (usize, usize) = (4, 1);
+
+/// Laws in the catalogue's order.
+type Laws = Vec<Arc<dyn Law>>;
+
+/// The effects of these ids in the catalogue's order, each once.
+pub(super) fn effects<S: AsRef<str>>(ids: &[S]) -> Result<Vec<&'static Effect>, EffectError> {
+    for id in ids {
+        Effect::by_id(id.as_ref())?;
+    }
+    Ok(CATALOGUE.into_iter().filter(|effect| ids.iter().any(|id| id.as_ref() == effect.id)).collect())
+}
+
+/// The integration that the laws want.
+pub(crate) fn integrator(laws: &[Arc<dyn Law>], preset: Preset) -> Integrator {
+    let euler = laws.iter().any(|law| law.euler());
+    if euler { Integrator::Euler } else { preset.assumptions().integrator }
+}
+
+/// The laws with which results of a calibration were found: `value` gives results by name.
+pub(crate) fn laws_of<S: AsRef<str>>(
+    robot: &Robot,
+    ids: &[S],
+    value: impl Fn(&str) -> Option<f64>,
+) -> Result<Laws, EffectError> {
+    let suits = |law: &Arc<dyn Law>| {
+        law.parameters().results.iter().all(|result| match result.form {
+            Form::Chosen(chosen) => value(&result.name).is_none_or(|told| told == chosen),
+            // An alternative on another joint has other names.
+            _ => value(&result.name).is_some(),
+        })
+    };
+    let chosen = effects(ids)?.into_iter().map(|effect| {
+        let mut alternatives = effect.laws(robot)?;
+        let place = alternatives.iter().position(suits).unwrap_or(0);
+        Ok(alternatives.swap_remove(place))
+    });
+    chosen.collect()
+}
+
+/// The laws of these effects: of alternatives those that explain the recording best after a few iterations from `from`.
+pub(super) fn choose_laws(
+    robot: &Robot,
+    series: &Series,
+    effects: &[&'static Effect],
+    from: &Fit,
+    settings: &Settings,
+) -> Result<Laws, CalibrateError> {
+    let alternatives = effects.iter().map(|effect| effect.laws(robot)).collect::<Result<Vec<_>, _>>()?;
+    let mut laws: Laws = alternatives.iter().map(|alternatives| alternatives[0].clone()).collect();
+    for (place, alternatives) in alternatives.into_iter().enumerate().filter(|(_, all)| all.len() > 1) {
+        let iterations = if alternatives.len() > MANY.0 { MANY.1 } else { TRIAL_ITERATIONS };
+        let settings = Settings { max_iterations: iterations, ..settings.clone() };
+        let mut least = f64::INFINITY;
+        for alternative in alternatives {
+            let mut trial = laws.clone();
+            trial[place] = alternative;
+            let model = Model::extended(robot, trial.clone())?;
+            let problem = problem(&model, robot, series, from);
+            let held = observability::structural(&model, robot, problem.border());
+            let held: Vec<_> = held.into_iter().map(|held| held.direction).collect();
+            let start = warm_start(&problem, robot, series, &known(from), &settings);
+            // One that leads the search astray is not the best one.
+            let Ok(solution) = levenberg::minimise(&problem, start, &held, &settings, |_, _| {}) else { continue };
+            if solution.cost < least {
+                least = solution.cost;
+                laws = trial;
+            }
+        }
+    }
+    Ok(laws)
+}
+
+/// The preset's assumptions with the integration that the laws want.
+pub(super) fn assumptions(laws: &[Arc<dyn Law>], preset: Preset) -> Assumptions {
+    Assumptions { integrator: integrator(laws, preset), ..preset.assumptions() }
+}
+
+/// The problem of an extended model under the noise of `from`, with the integration that the laws want.
+pub(super) fn problem<'m>(model: &'m Model, robot: &Robot, series: &'m Series, from: &Fit) -> Problem<'m> {
+    let assumptions = assumptions(model.laws(), from.calibration.preset);
+    let assumed = Noise::assumed(robot, model, series, &assumptions);
+    let mut problem = Problem::new(model, robot, series, assumptions);
+    problem.set_noise(from.noise.carried(&from.layout, model.layout(), assumed));
+    problem
+}
+
+/// A value by its name among results.
+pub(super) type ByName<'a> = Box<dyn Fn(&str) -> Option<f64> + 'a>;
+
+/// What is known before a search: the end of another one, with fewer laws, more or others.
+pub(super) struct Known<'a> {
+    /// Results of the dynamics by name.
+    pub value: ByName<'a>,
+    /// Of every gyro.
+    pub rotations: Vec<Matrix3<f64>>,
+    /// `[recording][gyro]`; of other recordings where their number differs.
+    pub biases: Vec<Vec<Vector3<f64>>>,
+    /// States of the same samples; none where they are others.
+    pub states: &'a [f64],
+    /// What their components are.
+    pub layout: &'a Layout,
+}
+
+/// What a fit knows.
+pub(super) fn known(fit: &Fit) -> Known<'_> {
+    let calibration = &fit.calibration;
+    let gyros = calibration.rotations.len();
+    let rotations = (0..gyros).map(|gyro| {
+        let rows = calibration.rotations.get(&format!("imu{}", gyro + 1));
+        rows.map_or_else(Matrix3::identity, |rows| Matrix3::from_fn(|i, j| rows[i][j]))
+    });
+    let bias = |recording: usize, gyro: usize| {
+        Vector3::from_fn(|axis, _| {
+            let name = format!("bias{}[{}]", gyro + 1, ["x", "y", "z"][axis]);
+            let own = calibration.parameter(&format!("{name}@{}", recording + 1));
+            own.or_else(|| calibration.parameter(&name)).map_or(f64::NAN, |parameter| parameter.estimate)
+        })
+    };
+    let recordings = 0..calibration.recordings.len();
+    Known {
+        value: Box::new(|name| calibration.parameter(name).map(|parameter| parameter.estimate)),
+        rotations: rotations.collect(),
+        biases: recordings.map(|recording| (0..gyros).map(|gyro| bias(recording, gyro)).collect()).collect(),
+        states: &fit.states,
+        layout: &fit.layout,
+    }
+}
+
+/// Where the search of an extended model starts: shared unknowns of the same name keep their values, states are those that are known where
+/// they suit better than a fresh guess.
+pub(super) fn warm_start<'m>(
+    problem: &Problem<'m>,
+    robot: &Robot,
+    series: &Series,
+    from: &Known<'_>,
+    settings: &Settings,
+) -> Point<'m> {
+    let model = problem.model;
+    let fresh = start::with_states(model, series, shared(model, robot, series, from));
+    let (layout, base) = (model.layout(), from.layout);
+    let same_chain = layout.chain() == base.chain() && layout.q(0) == base.q(0);
+    if from.states.len() != series.stages() * base.size() || !same_chain {
+        return fresh;
+    }
+    // The leading components are the same; states of laws' own only where there are as many.
+    let leading = layout.own().start;
+    let same = if layout.own() == base.own() { layout.size() } else { leading };
+    if base.own().start != leading {
+        return fresh;
+    }
+    let mut kept = fresh.clone();
+    for (to, from) in kept.states.chunks_exact_mut(layout.size()).zip(from.states.chunks_exact(base.size())) {
+        to[..same].copy_from_slice(&from[..same]);
+    }
+    let better = total_cost(problem, &kept, settings.threads) <= total_cost(problem, &fresh, settings.threads);
+    if better { kept } else { fresh }
+}
+
+/// The shared unknowns of another model: what it did not have starts where the model says.
+fn shared(model: &Model, robot: &Robot, series: &Series, from: &Known<'_>) -> Shared {
+    let start = start::shared(model, robot, series);
+    let coordinates = model.coordinates();
+    let mut physical = coordinates.to_physical(&start.z);
+    for (value, (name, _)) in physical.iter_mut().zip(coordinates.names()) {
+        *value = (from.value)(name).unwrap_or(*value);
+    }
+    let rotations = if from.rotations.len() == start.rotations.len() { &from.rotations } else { &start.rotations };
+    let mut biases = start.biases;
+    if from.biases.len() == biases.len() {
+        for (bias, known) in biases.iter_mut().flatten().zip(from.biases.iter().flatten()) {
+            if known.iter().all(|value| value.is_finite()) {
+                *bias = *known;
+            }
+        }
+    }
+    Shared { z: coordinates.from_physical(&physical), rotations: rotations.clone(), biases }
+}

@@ -1,0 +1,216 @@
+//! The pipeline from recordings to a result, for the base model and for models extended by effects.
+//!
+//! ```text
+//! base       start from the description ─▶ search ─▶ noise? ─▶ search ─▶ result, states, noise
+//! extended   start from a fit ───────────▶ choose among a law's alternatives ─▶ the same
+//! ```
+
+use std::time::{Duration, Instant};
+
+use super::noise::Noise;
+use super::outliers::Screened;
+use super::point::Point;
+use super::preset::{Method, NoiseSource, Preset};
+use super::problem::Problem;
+use super::reml::{self, Residue};
+use super::result::{Calibration, Seconds, Status};
+use super::search::{self, Found};
+use super::series::Series;
+use super::{CalibrateError, check, extension, marginal, observability, start, summary};
+use crate::model::{Layout, Model};
+use crate::recording::Recording;
+use crate::robot::Robot;
+use crate::solve::border::Border;
+use crate::solve::levenberg::{Iteration, Settings};
+
+/// Relative change of the cost from which on a search ends whose weights will change anyway.
+const ROUGH: f64 = 1e-5;
+
+/// Searches at most that leave out what the one before found to be outliers.
+const MOST_SIFTINGS: usize = 3;
+
+/// Readings are moved by whole samples at most so often.
+const MOST_SHIFTS: usize = 4;
+
+/// A calibration, and what a further search can start from.
+#[derive(Debug, Clone)]
+pub struct Fit {
+    /// The result.
+    pub calibration: Calibration,
+    /// What the rows were weighted by in the end.
+    pub noise: Noise,
+    /// The samples, without outliers.
+    pub series: Series,
+    /// All states, `[k · size + i]`.
+    pub(super) states: Vec<f64>,
+    /// What the components of a state are.
+    pub(super) layout: Layout,
+}
+
+/// Calibrates `robot` on recordings of it, by a [`Preset`] or a [`Method`]. `progress` is called once an iteration.
+///
+/// Where the noise is estimated, the problem is solved under the preset's noise, roughly, and again under the noise that was found. Lone
+/// readings far from what the model and their neighbours say are left out, unless the preset keeps all.
+///
+/// # Errors
+/// [`CalibrateError`].
+pub fn calibrate(
+    robot: &Robot,
+    recordings: &[&Recording],
+    method: impl Into<Method>,
+    settings: &Settings,
+    progress: impl FnMut(usize, &Iteration),
+) -> Result<Calibration, CalibrateError> {
+    Ok(fit(robot, recordings, method, settings, progress)?.calibration)
+}
+
+/// [`calibrate`] that keeps what [`extend`] starts from.
+///
+/// # Errors
+/// [`CalibrateError`].
+pub fn fit(
+    robot: &Robot,
+    recordings: &[&Recording],
+    method: impl Into<Method>,
+    settings: &Settings,
+    progress: impl FnMut(usize, &Iteration),
+) -> Result<Fit, CalibrateError> {
+    let begin = Instant::now();
+    let method = method.into();
+    check(robot, recordings, method.preset)?;
+    let model = Model::new(robot);
+    let assumptions = method.preset.assumptions();
+    let screened = Screened::new(Series::of(robot, recordings), assumptions.without_outliers);
+    let clock = Instant::now();
+    let start = start::start(&model, robot, screened.series());
+    let task = Task { robot, recordings, method, begin, start: clock.elapsed(), settings };
+    let problem = Problem::new(&model, robot, screened.series(), assumptions);
+    task.solve(problem, &screened, start, progress)
+}
+
+/// Calibrates the model of `from` extended by the effects of these ids, instead of those that `from` has, by the method of `from` and from
+/// its noise. The search starts at `from`, so that it takes a few iterations where the effects are small.
+///
+/// # Errors
+/// [`CalibrateError`].
+pub fn extend<S: AsRef<str>>(
+    robot: &Robot,
+    recordings: &[&Recording],
+    from: &Fit,
+    ids: &[S],
+    settings: &Settings,
+    progress: impl FnMut(usize, &Iteration),
+) -> Result<Fit, CalibrateError> {
+    let begin = Instant::now();
+    let preset = from.calibration.preset;
+    let effects = extension::effects(ids)?;
+    if effects.is_empty() {
+        return Ok(from.clone());
+    }
+    if preset == Preset::Paper {
+        return Err(CalibrateError::ExtendsThePaper);
+    }
+    check(robot, recordings, preset)?;
+    let screened = Screened::new(Series::of(robot, recordings), preset.assumptions().without_outliers);
+    let series = screened.series();
+    let clock = Instant::now();
+    let laws = extension::choose_laws(robot, series, &effects, from, settings)?;
+    let model = Model::extended(robot, laws)?;
+    let problem = extension::problem(&model, robot, series, from);
+    let start = extension::warm_start(&problem, robot, series, &extension::known(from), settings);
+    let method = Method { preset, noise: from.calibration.noise_source };
+    let task = Task { robot, recordings, method, begin, start: clock.elapsed(), settings };
+    let mut fit = task.solve(problem, &screened, start, progress)?;
+    fit.calibration.extensions = effects.iter().map(|effect| effect.id.to_string()).collect();
+    Ok(fit)
+}
+
+/// What a search is about, and when it began.
+struct Task<'a> {
+    robot: &'a Robot,
+    recordings: &'a [&'a Recording],
+    method: Method,
+    begin: Instant,
+    /// Time spent on the start values.
+    start: Duration,
+    settings: &'a Settings,
+}
+
+impl Task<'_> {
+    fn solve<'m>(
+        &self,
+        mut problem: Problem<'m>,
+        screened: &'m Screened,
+        start: Point<'m>,
+        mut progress: impl FnMut(usize, &Iteration),
+    ) -> Result<Fit, CalibrateError> {
+        let Task { robot, settings, .. } = *self;
+        let model = problem.model;
+        let structural = observability::structural(model, robot, problem.border());
+        let estimated = self.method.noise == NoiseSource::Estimated;
+        let rough = Settings { relative_cost_change: settings.relative_cost_change.max(ROUGH), ..settings.clone() };
+        let first = if estimated { &rough } else { settings };
+
+        problem.shift_readings(&start.z);
+        let mut found = search::search(&problem, robot, &start, &structural, first, &mut progress)?;
+        for _ in 1..MOST_SHIFTS {
+            if !problem.shift_readings(&found.solution.point.z) {
+                break;
+            }
+            found = search::again(&problem, robot, (&start, found), &structural, first, &mut progress)?;
+        }
+        for _ in 0..MOST_SIFTINGS {
+            if !screened.look(&mut problem, &found.solution.point) {
+                break;
+            }
+            found = search::again(&problem, robot, (&start, found), &structural, first, &mut progress)?;
+        }
+        let by_motion = found.noise_free.clone();
+        let mut noise_clock = Duration::ZERO;
+        let mut floor = None;
+        if estimated {
+            let clock = Instant::now();
+            floor = Some(reml::estimate(&mut problem, &found.solution.point, settings.threads)?.floor);
+            noise_clock += clock.elapsed();
+            found = search::again(&problem, robot, (&start, found), &structural, settings, &mut progress)?;
+            if screened.look(&mut problem, &found.solution.point) {
+                found = search::again(&problem, robot, (&start, found), &structural, settings, &mut progress)?;
+            }
+        }
+        let clock = Instant::now();
+        let residue = reml::residue(&problem, &found.solution.point, settings.threads)?;
+        let residue = Residue { floor, ..residue };
+        noise_clock += clock.elapsed();
+        // The paper's preset shows what its noise does to the estimates.
+        if self.method.preset != Preset::Paper {
+            let by_noise = marginal::shown_by_noise(&problem, &found, &by_motion, settings.threads)?;
+            found.silent.extend(by_noise);
+        }
+        let Found { mut solution, held, silent, .. } = found;
+
+        observability::without_held_turns(&mut solution.point.rotations, robot, problem.border(), &held);
+        let directions: Vec<_> = held.iter().map(|held| held.direction.clone()).collect();
+        let border = Border::new(&solution.information, &solution.gradient, &directions);
+        let mut calibration =
+            summary::summarise(robot, &problem, &start, &solution, &border, (&held, &silent), &residue);
+        calibration.preset = self.method.preset;
+        calibration.noise_source = self.method.noise;
+        for (noise, left_out) in calibration.noise.iter_mut().zip(screened.left_out()) {
+            noise.left_out = left_out;
+        }
+        calibration.recordings = self.recordings.iter().map(|recording| summary::used(recording)).collect();
+        if held.len() + silent.len() > structural.len() && calibration.status == Status::Converged {
+            calibration.status = Status::Unidentifiable;
+        }
+        calibration.seconds = Seconds {
+            start: self.start.as_secs_f64(),
+            noise: noise_clock.as_secs_f64(),
+            linearise: solution.seconds.linearise,
+            factor: solution.seconds.factor,
+            solve: solution.seconds.solve,
+            total: self.begin.elapsed().as_secs_f64(),
+        };
+        let (noise, layout) = (problem.noise().clone(), model.layout().clone());
+        Ok(Fit { calibration, noise, series: problem.series.clone(), states: solution.point.states, layout })
+    }
+}

@@ -1,0 +1,79 @@
+//! What the estimator's side of effects has in common: an effect file's law is written with these.
+
+pub(super) use std::sync::Arc;
+
+pub(super) use crate::acts_on_joints;
+pub(super) use crate::model::Quantity;
+pub(super) use crate::model::law::{At, Hook, Law, Of, Parameters};
+use crate::robot::{Robot, Symbol};
+
+use super::EffectError;
+
+/// One law an alternative: the same law at other start values, or in another shape. The first is the usual one.
+pub(super) type Laws = Result<Vec<Arc<dyn Law>>, EffectError>;
+
+/// The only alternative.
+pub(super) fn only(law: impl Law + 'static) -> Laws {
+    Ok(vec![Arc::new(law)])
+}
+
+/// Several.
+pub(super) fn each<L: Law + 'static>(laws: impl IntoIterator<Item = L>) -> Laws {
+    Ok(laws.into_iter().map(|law| Arc::new(law) as Arc<dyn Law>).collect())
+}
+
+/// Differences from a parameter that joints share: what is common to all belongs to that parameter, so they add up to nothing. A joint whose
+/// parameter is known has a difference of its own; one that alone has a free parameter has none.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Differences {
+    /// For each joint, the coordinates whose sum with these signs is its difference.
+    terms: Vec<Vec<(usize, f64)>>,
+}
+
+impl Differences {
+    /// Adds those of `symbol` on `joints` to `parameters`, told as `name`.
+    pub(super) fn of(
+        robot: &Robot,
+        parameters: &mut Parameters,
+        (symbol, name, unit): (Symbol, &str, &'static str),
+        joints: &[usize],
+    ) -> Self {
+        let mut terms = vec![Vec::new(); robot.joints.len()];
+        let mut done = vec![false; robot.joints.len()];
+        for &joint in joints {
+            let Some(spec) = robot.joint_parameter(symbol, joint).filter(|_| !done[joint]) else { continue };
+            if !spec.value.free {
+                terms[joint] = vec![(parameters.plain(name, unit, Of::Joint(joint), 0.0), 1.0)];
+                continue;
+            }
+            let group: Vec<usize> = joints.iter().copied().filter(|other| spec.joints.contains(other)).collect();
+            group.iter().for_each(|&member| done[member] = true);
+            if group.len() < 2 {
+                continue;
+            }
+            let first = parameters.coordinates.len();
+            parameters.balanced(name, unit, &group);
+            let others = group.len() - 1;
+            for (place, &member) in group[..others].iter().enumerate() {
+                terms[member] = vec![(first + place, 1.0)];
+            }
+            terms[group[others]] = (0..others).map(|place| (first + place, -1.0)).collect();
+        }
+        Differences { terms }
+    }
+
+    /// Whether no joint has a difference that can be told.
+    pub(super) fn is_empty(&self) -> bool {
+        self.terms.iter().all(Vec::is_empty)
+    }
+
+    /// The coordinates that the difference at `joint` reads.
+    pub(super) fn local(&self, joint: usize) -> impl Iterator<Item = usize> + '_ {
+        self.terms[joint].iter().map(|(coordinate, _)| *coordinate)
+    }
+
+    /// The difference at `joint` from the values of [`local`](Self::local).
+    pub(super) fn value<T: Quantity>(&self, joint: usize, local: &[T]) -> T {
+        self.terms[joint].iter().zip(local).fold(T::from(0.0), |sum, ((_, sign), value)| sum + *value * *sign)
+    }
+}

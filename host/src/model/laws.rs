@@ -1,0 +1,196 @@
+//! The laws of a model, with their parameters and states put in their places.
+
+use std::sync::Arc;
+
+use super::drive::JointLaw;
+use super::law::Law;
+use super::links::Links;
+use super::{Coordinates, Layout};
+use crate::robot::chain::Chain;
+use crate::robot::{Body, Robot, RobotError};
+
+/// How far one step of a lagging gyro's state may be wrong, rad/s over 1 ms: as far as one of the link's speed.
+const LAG_SIGMA: f64 = 1e-4;
+
+/// The laws of a model.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Laws {
+    list: Vec<Arc<dyn Law>>,
+    joints: Vec<OfJoint>,
+    /// Joint of the chain, and the coordinates that are ln k and ln d.
+    pub(super) passive: Vec<(usize, usize, usize)>,
+    pub(super) lags: Vec<Lag>,
+    input_delay: Option<usize>,
+    /// How far a step of each own state may be wrong over 1 ms.
+    own_sigma: Vec<f64>,
+    /// Which law changes the supply, and its coordinate.
+    pub(super) supply: Option<(usize, usize)>,
+}
+
+/// What the laws at one joint read.
+#[derive(Debug, Clone, Default)]
+pub(super) struct OfJoint {
+    /// Law, its first local parameter, how many, its local state.
+    laws: Vec<(usize, usize, usize, Option<usize>)>,
+    /// The coordinate of every local parameter.
+    pub(super) parameters: Vec<usize>,
+    /// The state component of every local state.
+    pub(super) states: Vec<usize>,
+}
+
+/// A gyro that lags behind its body.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Lag {
+    gyro: usize,
+    /// Link of the chain.
+    pub(super) body: usize,
+    /// First of three own states.
+    pub(super) state: usize,
+    /// The coordinate that is ln T.
+    pub(super) coordinate: usize,
+}
+
+impl Laws {
+    /// Own states are added to `layout`.
+    pub(super) fn of(
+        robot: &Robot,
+        list: Vec<Arc<dyn Law>>,
+        coordinates: &Coordinates,
+        layout: &mut Layout,
+        bodies: &[usize],
+    ) -> Self {
+        let mut laws = Laws::default();
+        let mut own_sigma = Vec::new();
+        let mut add_state = |sigma: f64| {
+            own_sigma.push(sigma);
+            layout.own += 1;
+            layout.size() - 1
+        };
+        laws.joints.resize_with(robot.joints.len(), OfJoint::default);
+        for (index, law) in list.iter().enumerate() {
+            let first = coordinates.first_of_law(index);
+            for (joint, of) in laws.joints.iter_mut().enumerate() {
+                if law.hooks().is_empty() {
+                    continue;
+                }
+                let local = law.local(joint);
+                let state = law.has_state(joint).then(|| {
+                    of.states.push(add_state(law.state_sigma(joint)));
+                    of.states.len() - 1
+                });
+                of.laws.push((index, of.parameters.len(), local.len(), state));
+                of.parameters.extend(local.into_iter().map(|own| first + own));
+            }
+            for (gyro, sensor) in robot.gyros().enumerate() {
+                if let Some(own) = law.gyro_lag(gyro) {
+                    let [state, _, _] = [LAG_SIGMA; 3].map(&mut add_state);
+                    laws.lags.push(Lag { gyro, body: bodies[sensor.body], state, coordinate: first + own });
+                }
+            }
+            laws.input_delay = laws.input_delay.or(law.input_delay().map(|own| first + own));
+            let volts = crate::robot::chain::Lanes::from(1.0);
+            if law.supply_v(1.0, volts, volts, volts).is_some() {
+                laws.supply = Some((index, first));
+            }
+        }
+        let before = list.iter().enumerate().flat_map(|(i, law)| law.base_joints().iter().map(move |j| (i, *j)));
+        let after = list.iter().enumerate().filter_map(|(i, law)| Some((i, law.structure()?.1)));
+        let after = after.flat_map(|(i, joints)| joints.iter().map(move |j| (i, *j)));
+        let places: Vec<usize> = layout.passive().collect();
+        let joints = before.chain(after).zip(places).map(|((law, joint), place)| {
+            let first = coordinates.first_of_law(law);
+            (place, first + joint.stiffness, first + joint.damping)
+        });
+        let passive = joints.collect();
+        Laws { list, passive, own_sigma, ..laws }
+    }
+
+    pub(super) fn list(&self) -> &[Arc<dyn Law>] {
+        &self.list
+    }
+
+    pub(super) fn is_empty(&self) -> bool {
+        self.list.is_empty()
+    }
+
+    pub(super) fn own_sigma(&self) -> &[f64] {
+        &self.own_sigma
+    }
+
+    pub(super) fn input_delay(&self) -> Option<usize> {
+        self.input_delay
+    }
+
+    pub(super) fn lagging(&self, gyro: usize) -> Option<usize> {
+        self.lags.iter().find(|lag| lag.gyro == gyro).map(|lag| lag.state)
+    }
+
+    /// What the laws at a joint read.
+    pub(super) fn at(&self, joint: usize) -> &OfJoint {
+        &self.joints[joint]
+    }
+
+    /// The own states of the laws at a joint.
+    pub(super) fn own_states(&self, joint: usize) -> &[usize] {
+        self.joints.get(joint).map_or(&[], |joint| &joint.states)
+    }
+
+    /// The laws at every joint, ready to be asked.
+    pub(super) fn ready(&self) -> Vec<Vec<JointLaw<'_>>> {
+        let of = |joint: &OfJoint| {
+            let law = |&(index, first, count, state): &(usize, usize, usize, Option<usize>)| JointLaw {
+                law: &*self.list[index],
+                first,
+                count,
+                state,
+            };
+            joint.laws.iter().map(law).collect()
+        };
+        self.joints.iter().map(of).collect()
+    }
+
+    /// Most variables that the laws at one joint depend on.
+    pub(super) fn most_variables(&self) -> usize {
+        self.joints.iter().map(|joint| joint.parameters.len() + joint.states.len()).max().unwrap_or(0)
+    }
+}
+
+/// The chain of `robot` with the passive joints of `laws`, and its terms.
+pub(super) fn links(
+    robot: &Robot,
+    laws: &[Arc<dyn Law>],
+    coordinates: &Coordinates,
+) -> Result<(Chain, Links), RobotError> {
+    let base: Vec<_> = laws.iter().flat_map(|law| law.base_joints().iter().map(|joint| joint.axis)).collect();
+    let structure = laws.iter().find_map(|law| law.structure());
+    let on_passive_joints = |robot: &Robot, outer: Option<Body>| {
+        let chain = robot.chain().with_base_joints([0.0; 3], &base)?;
+        match (&structure, outer) {
+            (Some((_, joints)), Some(outer)) => {
+                let axes: Vec<_> = joints.iter().map(|joint| joint.axis).collect();
+                chain.with_structure(&outer, &axes)
+            }
+            _ => Ok(chain),
+        }
+    };
+    let chain = on_passive_joints(robot, structure.as_ref().map(|(outer, _)| *outer))?;
+    let mut links = Links::of(chain.clone());
+    for (index, law) in laws.iter().enumerate() {
+        let Some(payload) = law.payload() else { continue };
+        let mut alone = robot.clone();
+        let nothing = Body { mass_kg: 0.0, centre_m: [0.0; 3], inertia_kg_m2: [[0.0; 3]; 3] };
+        let mass = Body { mass_kg: 1.0, centre_m: payload.at_m, ..nothing };
+        for (joint, of) in alone.joints.iter_mut().enumerate() {
+            of.body = if joint == payload.joint { mass } else { nothing };
+        }
+        let outermost = payload.joint + 1 == robot.joints.len();
+        let mass_alone = on_passive_joints(&alone, Some(if outermost { mass } else { nothing }))?;
+        links.add_mass(mass_alone, coordinates.first_of_law(index) + payload.mass);
+    }
+    for (index, law) in laws.iter().enumerate() {
+        if let Some(own) = law.coriolis() {
+            links.scale_coriolis(coordinates.first_of_law(index) + own);
+        }
+    }
+    Ok((chain, links))
+}

@@ -1,0 +1,153 @@
+//! The links' torque M(q) q̈ + c(q, q̇) + g(q) of a chain whose inertia and torques of the speeds depend on parameters of laws.
+//!
+//! It is linear in both: a sum of chains, each with a weight that is a polynomial of the parameters.
+//!
+//! ```text
+//! s: scale of the torques of the speeds, m: a mass       (1 − s)(1 · without + m · mass without) + s (1 · with + m · mass with)
+//! ```
+
+use crate::robot::chain::{Chain, MAX_JOINTS};
+
+/// A factor of a weight.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Factor {
+    /// The coordinate.
+    Times(usize),
+    /// One less the coordinate.
+    Without(usize),
+}
+
+/// Chains with their weights.
+#[derive(Debug, Clone)]
+pub(super) struct Links {
+    terms: Vec<(Chain, Vec<Factor>)>,
+}
+
+/// [`Links`] at given parameters.
+#[derive(Debug, Clone)]
+pub(super) struct WeightedLinks<'m> {
+    terms: Vec<Term<'m>>,
+}
+
+#[derive(Debug, Clone)]
+struct Term<'m> {
+    chain: &'m Chain,
+    weight: f64,
+    /// (coordinate, ∂weight).
+    slopes: Vec<(usize, f64)>,
+}
+
+impl Links {
+    /// One chain as described.
+    pub(super) fn of(chain: Chain) -> Self {
+        Links { terms: vec![(chain, Vec::new())] }
+    }
+
+    /// The kinematics, the same for all terms.
+    pub(super) fn chain(&self) -> &Chain {
+        &self.terms[0].0
+    }
+
+    /// Adds `chain`, of a body of unit mass alone, times a coordinate.
+    pub(super) fn add_mass(&mut self, chain: Chain, coordinate: usize) {
+        self.terms.push((chain, vec![Factor::Times(coordinate)]));
+    }
+
+    /// Scales the torques of the speeds by a coordinate. To be called last.
+    pub(super) fn scale_coriolis(&mut self, coordinate: usize) {
+        let terms = std::mem::take(&mut self.terms);
+        for (chain, factors) in terms {
+            for (with, factor) in [(false, Factor::Without(coordinate)), (true, Factor::Times(coordinate))] {
+                let mut factors = factors.clone();
+                factors.push(factor);
+                self.terms.push((chain.clone().with_coriolis(with), factors));
+            }
+        }
+    }
+
+    /// At solver coordinates z.
+    pub(super) fn at(&self, z: &[f64]) -> WeightedLinks<'_> {
+        let value = |factor: &Factor| match *factor {
+            Factor::Times(i) => z[i],
+            Factor::Without(i) => 1.0 - z[i],
+        };
+        let terms = self.terms.iter().map(|(chain, factors)| {
+            let slopes = factors.iter().enumerate().map(|(k, factor)| {
+                let others: f64 = factors.iter().enumerate().filter(|(l, _)| *l != k).map(|(_, f)| value(f)).product();
+                match *factor {
+                    Factor::Times(i) => (i, others),
+                    Factor::Without(i) => (i, -others),
+                }
+            });
+            Term { chain, weight: factors.iter().map(value).product(), slopes: slopes.collect() }
+        });
+        WeightedLinks { terms: terms.collect() }
+    }
+}
+
+impl WeightedLinks<'_> {
+    /// M(q), m × m by rows.
+    pub(super) fn mass_matrix(&self, q: &[f64], out: &mut [f64]) {
+        let [only] = &self.terms[..] else {
+            let mut one = [0.0; MAX_JOINTS * MAX_JOINTS];
+            out.fill(0.0);
+            for term in &self.terms {
+                term.chain.mass_matrix(q, &mut one[..out.len()]);
+                add(out, term.weight, &one);
+            }
+            return;
+        };
+        only.chain.mass_matrix(q, out);
+    }
+
+    /// c(q, q̇) + g(q).
+    pub(super) fn bias_torque(&self, q: &[f64], qd: &[f64], out: &mut [f64]) {
+        let [only] = &self.terms[..] else {
+            let mut one = [0.0; MAX_JOINTS];
+            out.fill(0.0);
+            for term in &self.terms {
+                term.chain.bias_torque(q, qd, &mut one[..out.len()]);
+                add(out, term.weight, &one);
+            }
+            return;
+        };
+        only.chain.bias_torque(q, qd, out);
+    }
+
+    /// The derivatives of M a + c + g at constant accelerations a by q and q̇ (m × m by rows), and by coordinates through `by_z(joint, coordinate,
+    /// slope)`.
+    pub(super) fn derivatives(
+        &self,
+        [q, qd, a]: [&[f64]; 3],
+        by_q: &mut [f64],
+        by_qd: &mut [f64],
+        mut by_z: impl FnMut(usize, usize, f64),
+    ) {
+        let m = q.len();
+        let mut torque = [0.0; MAX_JOINTS];
+        let [only] = &self.terms[..] else {
+            let (mut q_slopes, mut qd_slopes) = ([0.0; MAX_JOINTS * MAX_JOINTS], [0.0; MAX_JOINTS * MAX_JOINTS]);
+            by_q.fill(0.0);
+            by_qd.fill(0.0);
+            for term in &self.terms {
+                let slopes = (&mut q_slopes[..m * m], &mut qd_slopes[..m * m]);
+                term.chain.link_torque_derivatives(q, qd, a, &mut torque[..m], slopes.0, slopes.1);
+                add(by_q, term.weight, &q_slopes);
+                add(by_qd, term.weight, &qd_slopes);
+                for &(coordinate, slope) in &term.slopes {
+                    for (joint, torque) in torque[..m].iter().enumerate() {
+                        by_z(joint, coordinate, slope * torque);
+                    }
+                }
+            }
+            return;
+        };
+        only.chain.link_torque_derivatives(q, qd, a, &mut torque[..m], by_q, by_qd);
+    }
+}
+
+fn add(to: &mut [f64], weight: f64, from: &[f64]) {
+    for (to, from) in to.iter_mut().zip(from) {
+        *to += weight * from;
+    }
+}

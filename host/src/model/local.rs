@@ -1,0 +1,119 @@
+//! The derivatives of one drive with its laws, by the dozen local variables that it depends on.
+//!
+//! ```text
+//! lanes of joint i   | q q̇ θ θ̇ | six coefficients | supply voltage | parameters of laws | own states of laws |
+//! ```
+
+use super::Input;
+use super::drive::{Action, Coefficients, JointLaws, Sides};
+use super::dynamics::Dynamics;
+use super::law::{Asked, Broad, Narrow};
+use super::quantity::variable;
+use crate::robot::Transmission;
+use crate::robot::chain::Lanes;
+
+/// Lanes: four sides of a transmission and its six coefficients are all that the base law of one drive depends on …
+pub(super) const COEFFICIENTS: usize = 4;
+pub(super) const BASE: usize = COEFFICIENTS + Coefficients::<f64>::COUNT;
+/// … laws depend on the supply and on their own.
+pub(super) const VOLTS: usize = BASE;
+pub(super) const OWN: usize = VOLTS + 1;
+
+/// Most parameters and states of laws at one joint.
+pub(super) const MOST_VARIABLES: usize = 32 - OWN;
+/// As many of them need few lanes.
+pub(super) const FEW_VARIABLES: usize = 16 - OWN;
+
+/// The action of one drive with derivatives by so many lanes.
+pub(super) trait Drives<const N: usize, const V: usize> {
+    fn drive(&self, i: usize, x: &[f64], input: &Input<'_>, volts: f64, rates: &mut [Lanes<N>; V]) -> Action<Lanes<N>>;
+}
+
+impl Drives<BASE, 0> for Dynamics<'_> {
+    fn drive(
+        &self,
+        i: usize,
+        x: &[f64],
+        input: &Input<'_>,
+        _volts: f64,
+        _rates: &mut [Lanes<BASE>; 0],
+    ) -> Action<Lanes<BASE>> {
+        let (sides, coefficients) = self.variables(x, Lanes::from(input.u[i]), i);
+        match self.model.transmissions[i] {
+            Transmission::Elastic => self.model.drives[i].elastic(&coefficients, &sides),
+            Transmission::Rigid => self.model.drives[i].rigid(&coefficients, &sides),
+        }
+    }
+}
+
+impl Drives<16, FEW_VARIABLES> for Dynamics<'_> {
+    fn drive(
+        &self,
+        i: usize,
+        x: &[f64],
+        input: &Input<'_>,
+        volts: f64,
+        rates: &mut [Narrow; FEW_VARIABLES],
+    ) -> Action<Narrow> {
+        self.with_laws(i, x, input, volts, rates)
+    }
+}
+
+impl Drives<32, MOST_VARIABLES> for Dynamics<'_> {
+    fn drive(
+        &self,
+        i: usize,
+        x: &[f64],
+        input: &Input<'_>,
+        volts: f64,
+        rates: &mut [Broad; MOST_VARIABLES],
+    ) -> Action<Broad> {
+        self.with_laws(i, x, input, volts, rates)
+    }
+}
+
+impl Dynamics<'_> {
+    /// Sides and coefficients as variables of their lanes.
+    fn variables<const N: usize>(&self, x: &[f64], u: Lanes<N>, i: usize) -> (Sides<Lanes<N>>, Coefficients<Lanes<N>>) {
+        let [q, qd, theta, thetad] = self.sides(x, i);
+        let sides =
+            Sides { q: variable(q, 0), qd: variable(qd, 1), theta: variable(theta, 2), thetad: variable(thetad, 3), u };
+        let mut lane = COEFFICIENTS - 1;
+        let coefficients = Coefficients::from_array(self.coefficients[i].to_array().map(|c| {
+            lane += 1;
+            variable(c, lane)
+        }));
+        (sides, coefficients)
+    }
+
+    fn with_laws<const N: usize, const V: usize>(
+        &self,
+        i: usize,
+        x: &[f64],
+        input: &Input<'_>,
+        volts: f64,
+        rates: &mut [Lanes<N>; V],
+    ) -> Action<Lanes<N>>
+    where
+        Lanes<N>: Asked,
+    {
+        let of = self.model.laws.at(i);
+        let mut own = [Lanes::from(0.0); V];
+        let mut u = Lanes::from(input.u[i]);
+        for (local, coordinate) in of.parameters.iter().enumerate() {
+            own[local] = variable(self.z[*coordinate], OWN + local);
+            if Some(*coordinate) == self.model.input_delay() {
+                u.slope[OWN + local] = input.by_delay.get(i).copied().unwrap_or(0.0);
+            }
+        }
+        let count = of.parameters.len();
+        for (local, state) in of.states.iter().enumerate() {
+            own[count + local] = variable(x[*state], OWN + count + local);
+        }
+        let (sides, coefficients) = self.variables(x, u, i);
+        let (parameters, states) = own.split_at(count);
+        let laws = JointLaws { joint: i, time_s: input.time_s, laws: &self.laws[i], parameters, states };
+        let transmission = self.model.transmissions[i];
+        self.model.drives[i].with_laws(transmission, &coefficients, &sides, variable(volts, VOLTS), &laws, rates)
+    }
+}

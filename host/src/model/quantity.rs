@@ -1,0 +1,124 @@
+//! The scalar of the laws: a number, or a number with its derivatives by what a law depends on.
+
+use crate::robot::chain::{Arithmetic, Lanes};
+
+/// What the laws of joints and sensors need of their scalar.
+pub trait Quantity: Arithmetic {
+    /// The value without derivatives.
+    fn re(self) -> f64;
+
+    /// f(self) of a function whose value and slope here are known.
+    fn through(self, value: f64, slope: f64) -> Self;
+
+    /// 1/x.
+    #[inline(always)]
+    fn recip(self) -> Self {
+        let value = self.re().recip();
+        self.through(value, -value * value)
+    }
+
+    /// |x|.
+    #[inline(always)]
+    fn abs(self) -> Self {
+        self.through(self.re().abs(), if self.re() < 0.0 { -1.0 } else { 1.0 })
+    }
+
+    /// eˣ.
+    #[inline(always)]
+    fn exp(self) -> Self {
+        let value = self.re().exp();
+        self.through(value, value)
+    }
+
+    /// tanh x.
+    #[inline(always)]
+    fn tanh(self) -> Self {
+        let value = self.re().tanh();
+        self.through(value, 1.0 - value * value)
+    }
+
+    /// max(x, 0) with a corner rounded over ± `width`: w ln(1 + e^(x/w)). Its slope is the logistic function.
+    #[inline(always)]
+    fn ramp(self, width: f64) -> Self {
+        let a = self.re() / width;
+        let e = (-a.abs()).exp();
+        let slope = if a < 0.0 { e / (1.0 + e) } else { 1.0 / (1.0 + e) };
+        self.through(width * (a.max(0.0) + e.ln_1p()), slope)
+    }
+
+    /// The slope of [`ramp`](Self::ramp): 0 below, 1 above.
+    #[inline(always)]
+    fn step(self, width: f64) -> Self {
+        let value = 0.5 + 0.5 * (0.5 * self.re() / width).tanh();
+        self.through(value, value * (1.0 - value) / width)
+    }
+}
+
+impl Quantity for f64 {
+    #[inline(always)]
+    fn re(self) -> f64 {
+        self
+    }
+
+    #[inline(always)]
+    fn through(self, value: f64, _slope: f64) -> Self {
+        value
+    }
+}
+
+impl<const N: usize> Quantity for Lanes<N> {
+    #[inline(always)]
+    fn re(self) -> f64 {
+        self.re
+    }
+
+    #[inline(always)]
+    fn through(self, value: f64, slope: f64) -> Self {
+        Lanes { re: value, slope: self.slope.map(|own| own * slope) }
+    }
+}
+
+/// `value` as the variable of lane `lane`.
+#[inline(always)]
+pub fn variable<const N: usize>(value: f64, lane: usize) -> Lanes<N> {
+    let mut lanes = Lanes::from(value);
+    lanes.slope[lane] = 1.0;
+    lanes
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn slopes_are_those_of_differences() {
+        type One = Lanes<1>;
+        type Function = fn(One) -> One;
+        let functions: [(&str, Function); 6] = [
+            ("recip", Quantity::recip),
+            ("abs", Quantity::abs),
+            ("exp", Quantity::exp),
+            ("tanh", Quantity::tanh),
+            ("ramp", |x| x.ramp(0.3)),
+            ("step", |x| x.step(0.3)),
+        ];
+        for (name, f) in functions {
+            for x in [-1.7, -0.2, 0.1, 0.9, 2.5] {
+                let value = |x: f64| f(One::from(x)).re;
+                let expected = (value(x + 1e-6) - value(x - 1e-6)) / 2e-6;
+                let found = f(variable(x, 0)).slope[0];
+                // rtol and atol 1e-8: second differences of 1e-6
+                assert!((found - expected).abs() < 1e-8 * (1.0 + expected.abs()), "{name}({x}): {found}, {expected}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_ramp_is_finite_far_away_and_odd_parts_cancel() {
+        assert_eq!(Quantity::ramp(-1e6, 1e-3), 0.0);
+        assert_eq!(Quantity::ramp(1e6, 1e-3), 1e6);
+        for x in [-0.4, -1e-4, 0.0, 2e-4, 0.3] {
+            assert!((Quantity::ramp(x, 1e-3) - Quantity::ramp(-x, 1e-3) - x).abs() < 1e-15);
+        }
+    }
+}

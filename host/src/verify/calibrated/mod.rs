@@ -1,0 +1,175 @@
+//! A calibrated robot as the filter and the runs see it: its dynamics, its sensors, their Jacobians.
+
+mod system;
+
+pub use system::CalibratedSystem;
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::VerifyError;
+use crate::calibrate::{Calibration, extension};
+use crate::model::rotation::boxplus;
+use crate::model::{Integrator, Linear, Model, SensorFrame, SensorLaws, StepSlopes, Stepper};
+use crate::robot::{Channel, ChannelKind, ParameterSpec, Robot, Symbol};
+
+/// A robot with values for all of its parameters.
+#[derive(Debug, Clone)]
+pub struct CalibratedModel {
+    robot: Robot,
+    channels: Vec<Channel>,
+    model: Model,
+    /// Coordinates of the dynamics.
+    z: Vec<f64>,
+    /// R_imu of each gyro, body axes → sensor axes.
+    rotations: Vec<Matrix3<f64>>,
+    /// rad/s in sensor axes.
+    biases: Vec<Vector3<f64>>,
+    integrator: Integrator,
+    sensor_laws: SensorLaws,
+}
+
+impl CalibratedModel {
+    /// The model of a calibration. Gyro biases are those of recording `recording` of the calibration where each has its
+    /// own, and their mean over the recordings if it is `None`.
+    ///
+    /// # Errors
+    /// If the robot description inside the calibration does not parse, or an estimate is missing.
+    pub fn of(calibration: &Calibration, recording: Option<usize>) -> Result<Self, VerifyError> {
+        let robot = Robot::parse(&calibration.robot_toml)?;
+        let recordings = calibration.recordings.len().max(1);
+        let estimate = |name: &str| calibration.parameter(name).map(|parameter| parameter.estimate);
+        let own = |name: &str, i: usize| estimate(&format!("{name}@{}", i + 1));
+        let value = |name: &str| {
+            estimate(name).or_else(|| match recording {
+                Some(i) => own(name, i),
+                None => (0..recordings).map(|i| own(name, i)).sum::<Option<f64>>().map(|sum| sum / recordings as f64),
+            })
+        };
+        let laws = extension::laws_of(&robot, &calibration.extensions, value)?;
+        let integrator = extension::integrator(&laws, calibration.preset);
+        let model = Model::extended(&robot, laws)?;
+        Self::of_model(robot, model, integrator, value)
+    }
+
+    /// `robot` with the values that `value` gives for the names of [`Robot::parameters`]; known parameters keep the
+    /// robot's value where it gives none.
+    ///
+    /// # Errors
+    /// [`VerifyError::MissingParameter`] if a free parameter has no value.
+    pub fn from_values(
+        robot: Robot,
+        integrator: Integrator,
+        value: impl Fn(&str) -> Option<f64>,
+    ) -> Result<Self, VerifyError> {
+        let model = Model::new(&robot);
+        Self::of_model(robot, model, integrator, value)
+    }
+
+    fn of_model(
+        robot: Robot,
+        model: Model,
+        integrator: Integrator,
+        value: impl Fn(&str) -> Option<f64>,
+    ) -> Result<Self, VerifyError> {
+        let of_spec = |spec: &ParameterSpec| match value(&spec.name) {
+            Some(value) => Ok(value),
+            None if !spec.value.free => Ok(spec.value.start),
+            None => Err(VerifyError::MissingParameter { name: spec.name.clone() }),
+        };
+        let base = model.coordinates().iter().count();
+        let mut physical: Vec<f64> = model.coordinates().iter().map(|c| of_spec(&c.spec)).collect::<Result<_, _>>()?;
+        for (name, _) in model.coordinates().names().skip(base) {
+            physical.push(value(name).ok_or_else(|| VerifyError::MissingParameter { name: name.to_string() })?);
+        }
+        let z = model.coordinates().from_physical(&physical);
+        let mut rotations: Vec<Vector3<f64>> = vec![Vector3::zeros(); robot.gyros().count()];
+        let mut biases = rotations.clone();
+        for spec in robot.parameters() {
+            match spec.symbol {
+                Symbol::Bias { gyro, axis } => biases[gyro][axis] = of_spec(spec)?,
+                Symbol::Misalignment { gyro, axis } => rotations[gyro][axis] = of_spec(spec)?,
+                _ => {}
+            }
+        }
+        let rotations = robot
+            .gyros()
+            .zip(&rotations)
+            .map(|(gyro, delta)| boxplus(&Matrix3::from_fn(|i, j| gyro.rotation[i][j]), delta))
+            .collect();
+        let sensor_laws = SensorLaws::of(&model, robot.gyros().count());
+        Ok(Self { channels: robot.channels(), robot, model, z, rotations, biases, integrator, sensor_laws })
+    }
+
+    /// The inputs `[joint][k]` as they act on the motors: late, where the model says so.
+    pub fn inputs_as_they_act(&self, inputs: &[Vec<f64>], segments: &[std::ops::Range<usize>]) -> Vec<Vec<f64>> {
+        let Some(delay) = self.model.input_delay() else { return inputs.to_vec() };
+        let samples = self.z[delay] / self.robot.sample_period_s;
+        let (whole, share) = (samples.floor() as isize, samples - samples.floor());
+        let late = |input: &Vec<f64>| {
+            let mut late = input.clone();
+            for segment in segments {
+                let at =
+                    |k: usize, back: isize| input[k.saturating_add_signed(-back).clamp(segment.start, segment.end - 1)];
+                for k in segment.clone() {
+                    late[k] = (1.0 - share) * at(k, whole) + share * at(k, whole + 1);
+                }
+            }
+            late
+        };
+        inputs.iter().map(late).collect()
+    }
+
+    /// The robot.
+    pub fn robot(&self) -> &Robot {
+        &self.robot
+    }
+
+    /// The model's equations.
+    pub fn model(&self) -> &Model {
+        &self.model
+    }
+
+    /// The model as a system.
+    pub fn system(&self) -> CalibratedSystem<'_> {
+        CalibratedSystem {
+            calibrated: self,
+            dynamics: self.model.at(&self.z),
+            stepper: Stepper::new(self.integrator),
+            slopes: StepSlopes::default(),
+            linear: Linear::default(),
+            frame: SensorFrame::default(),
+            late: vec![0.0; self.model.layout().size()],
+            late_jacobian: Vec::new(),
+            time_s: 0.0,
+        }
+    }
+
+    /// The component of the state that a channel reads directly; `None` for gyros.
+    fn component(&self, kind: ChannelKind) -> Option<usize> {
+        let layout = self.model.layout();
+        match kind {
+            ChannelKind::MotorPosition { joint } => Some(layout.theta(joint)),
+            ChannelKind::LinkPosition { joint } => Some(layout.q(joint)),
+            ChannelKind::MotorSpeed { joint } => Some(layout.thetad(joint)),
+            ChannelKind::LinkSpeed { joint } => Some(layout.qd(joint)),
+            ChannelKind::GyroAxis { .. } => None,
+        }
+    }
+
+    /// The state of a robot at rest with relaxed transmissions where the position channels read this.
+    pub fn rest_state(&self, readings: &[f64]) -> Vec<f64> {
+        let layout = self.model.layout();
+        let mut x = vec![0.0; layout.size()];
+        let read = |kind: fn(usize) -> ChannelKind, joint: usize| {
+            let channel = self.channels.iter().position(|c| c.kind == kind(joint))?;
+            Some(readings[channel]).filter(|v| v.is_finite())
+        };
+        for joint in 0..layout.joints() {
+            let motor = read(|joint| ChannelKind::MotorPosition { joint }, joint);
+            let link = read(|joint| ChannelKind::LinkPosition { joint }, joint);
+            x[layout.q(joint)] = link.or(motor).unwrap_or(0.0);
+            x[layout.theta(joint)] = motor.or(link).unwrap_or(0.0);
+        }
+        x
+    }
+}
