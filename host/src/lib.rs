@@ -6,6 +6,8 @@
 
 pub mod command;
 pub mod report;
+
+pub mod diagnose;
 pub mod verify;
 
 pub mod calibrate;

@@ -14,6 +14,7 @@ mod calibrate;
 mod check;
 mod completions;
 mod demo;
+mod diagnose;
 mod effects;
 mod export;
 mod import;
@@ -62,6 +63,7 @@ enum Verb {
     Check(check::Args),
     Calibrate(calibrate::Args),
     Verify(verify::Args),
+    Diagnose(diagnose::Args),
     Export(export::Args),
     Repair(repair::Args),
     Robot(robot::Args),
@@ -85,6 +87,7 @@ pub fn main() -> ExitCode {
         Verb::Check(args) => check::run(args, &ui),
         Verb::Calibrate(args) => calibrate::run(args, &ui),
         Verb::Verify(args) => verify::run(args, &ui),
+        Verb::Diagnose(args) => diagnose::run(args, &ui),
         Verb::Export(args) => export::run(args, &ui),
         Verb::Repair(args) => repair::run(args, &ui),
         Verb::Robot(args) => robot::run(args, &ui),

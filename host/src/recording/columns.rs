@@ -147,6 +147,24 @@ impl Recording {
         self.channels.iter().find(|channel| channel.spec.column == name || channel.spec.name == name)
     }
 
+    /// The samples of `range` as a recording of their own.
+    pub fn part(&self, range: Range<usize>) -> Self {
+        let cut = |column: &Vec<f64>| column[range.clone()].to_vec();
+        Self {
+            t_us: self.t_us[range.clone()].to_vec(),
+            seq: self.seq[range.clone()].to_vec(),
+            duty: self.duty.iter().map(cut).collect(),
+            channels: self
+                .channels
+                .iter()
+                .map(|channel| Channel { spec: channel.spec.clone(), values: cut(&channel.values) })
+                .collect(),
+            phase: self.phase[range.clone()].to_vec(),
+            ticks: self.ticks[range.clone()].to_vec(),
+            ..self.clone()
+        }
+    }
+
     /// One line for people: samples, length, rate and what is missing.
     pub fn summary(&self) -> String {
         let gaps = match (self.gaps(), self.missing_ticks()) {

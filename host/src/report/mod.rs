@@ -22,6 +22,7 @@
 
 pub mod calibration;
 pub mod demo;
+pub mod diagnosis;
 pub mod html;
 pub mod number;
 

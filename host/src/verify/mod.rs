@@ -86,6 +86,12 @@ pub enum VerifyError {
         /// The parameter.
         name: String,
     },
+    /// An effect of the calibration.
+    #[error("the calibration's effects do not fit its robot: {0}; calibrate again")]
+    Effect(#[from] crate::effect::EffectError),
+    /// The calibration's extended model.
+    #[error("the calibration's model cannot be built: {0}; calibrate again")]
+    Model(#[from] crate::model::ModelError),
     /// The robot description inside the calibration.
     #[error("the robot description inside the calibration cannot be read; calibrate again")]
     Robot(#[from] RobotError),
@@ -122,14 +128,8 @@ pub fn predict(
 ) -> Result<(Verification, Traces), VerifyError> {
     check(model, recording)?;
     let t_s: Vec<f64> = (0..recording.len()).map(|k| recording.time_s(k)).collect();
-    let columns = Columns {
-        t_s: &t_s,
-        duty: recording.duty.iter().map(Vec::as_slice).collect(),
-        measured: recording.channels.iter().map(|c| c.values.as_slice()).collect(),
-        sigma: recording.channels.iter().map(|c| c.spec.sigma).collect(),
-        segments: recording.segments(),
-        period_s: recording.period_s,
-    };
+    let duty = model.inputs_as_they_act(&recording.duty, &recording.segments());
+    let columns = columns(recording, &t_s, &duty);
     let system = model.system();
 
     step("filtering");
@@ -195,6 +195,31 @@ pub fn predict(
     };
     let traces = Traces::new(model, recording, t_s, run, stages);
     Ok((verification, traces))
+}
+
+/// The windowed predictions of `recording` by `model` over [`HORIZONS_S`], window by window.
+///
+/// # Errors
+/// [`VerifyError`].
+pub fn windows(model: &CalibratedModel, recording: &Recording) -> Result<Vec<window::Windows>, VerifyError> {
+    check(model, recording)?;
+    let t_s: Vec<f64> = (0..recording.len()).map(|k| recording.time_s(k)).collect();
+    let duty = model.inputs_as_they_act(&recording.duty, &recording.segments());
+    let columns = columns(recording, &t_s, &duty);
+    let system = model.system();
+    let track = filter::run(&system, &columns);
+    Ok(window::predict(&system, &columns, &track, &HORIZONS_S))
+}
+
+fn columns<'a>(recording: &'a Recording, t_s: &'a [f64], duty: &'a [Vec<f64>]) -> Columns<'a> {
+    Columns {
+        t_s,
+        duty: duty.iter().map(Vec::as_slice).collect(),
+        measured: recording.channels.iter().map(|c| c.values.as_slice()).collect(),
+        sigma: recording.channels.iter().map(|c| c.spec.sigma).collect(),
+        segments: recording.segments(),
+        period_s: recording.period_s,
+    }
 }
 
 fn check(model: &CalibratedModel, recording: &Recording) -> Result<(), VerifyError> {

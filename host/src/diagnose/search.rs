@@ -1,0 +1,369 @@
+//! The search for causes: scan, refit, hold against curves without a shape, accept, drop, and again.
+//!
+//! ```text
+//!   current model ─▶ scan (every law, a step or two) ─▶ refit the best and what looks like it ─▶ best law ┐
+//!         ▲                                             refit curves on every place ────────▶ best curve ─┤
+//!         │                                                                                               ▼
+//!         └── drop or swap what it makes superfluous ◀── accepted where the law explains ≥ 80 % of the curve's part
+//!                                                        else: a cause without a name
+//! ```
+
+use std::sync::Arc;
+
+use super::candidate::{Candidate, Curves, PLACES, Place};
+use super::significance::{p_of_family, p_of_score};
+use crate::calibrate::{Bench, CalibrateError, Trial};
+use crate::effect::{CATALOGUE, Effect};
+use crate::model::law::Law;
+
+/// Share of noise in which anything is found at all.
+pub const LEVEL: f64 = 0.01;
+/// Most causes.
+const MOST_FINDINGS: usize = 4;
+/// Iterations of a scan, from laws that start at nothing and from others.
+const SCAN_ITERATIONS: [usize; 2] = [1, 3];
+/// Laws that are refitted, besides what looks like the best.
+const REFITS: usize = 4;
+const REFIT_ITERATIONS: usize = 6;
+/// Curves are linear in their coefficients: one iteration shows which are worth more.
+const CURVE_ITERATIONS: [usize; 2] = [1, 3];
+const CURVES_REFITTED: usize = 2;
+/// Iterations of a model that stays.
+const FINAL_ITERATIONS: usize = 25;
+/// A named law explains this share of what the best curve does.
+const NAMED_SHARE: f64 = 0.8;
+/// Laws whose scores differ by less cannot be told apart.
+const ALIAS: f64 = 12.0;
+
+/// An effect with one of its laws.
+#[derive(Debug, Clone)]
+pub struct Named {
+    /// Which.
+    pub effect: &'static Effect,
+    /// Its law.
+    pub law: Arc<dyn Law>,
+}
+
+/// One law of the catalogue on top of the current model.
+#[derive(Debug, Clone)]
+pub struct Scanned {
+    /// Which.
+    pub named: Named,
+    /// Its fit, if it has one.
+    pub trial: Option<Trial>,
+    /// Twice the log-likelihood gained.
+    pub score: f64,
+    /// Parameters that the motion shows.
+    pub freedom: usize,
+    /// Share of noise that would bring any candidate this far.
+    pub p_family: f64,
+    /// See [`axes`].
+    pub axes: Vec<usize>,
+    /// Of its parameters, the largest.
+    pub vif: Option<f64>,
+}
+
+/// Curves on top of the current model.
+#[derive(Debug, Clone)]
+pub struct CurveFit {
+    /// Which.
+    pub curves: Curves,
+    /// Their fit.
+    pub trial: Trial,
+    /// Twice the log-likelihood gained, less two for every coefficient.
+    pub score: f64,
+    /// Share of noise that would bring any of the curves this far.
+    pub p_family: f64,
+}
+
+/// An accepted cause.
+#[derive(Debug, Clone)]
+pub struct Accepted {
+    /// Which.
+    pub named: Named,
+    /// Twice the log-likelihood gained when it came in.
+    pub score: f64,
+    /// See [`Scanned::p_family`].
+    pub p_family: f64,
+    /// What was refitted in its place.
+    pub rivals: Vec<Rival>,
+}
+
+/// A law that was tried in the place of an accepted one.
+#[derive(Debug, Clone)]
+pub struct Rival {
+    /// Which.
+    pub effect: &'static Effect,
+    /// Twice the log-likelihood gained.
+    pub score: f64,
+    /// See [`axes`].
+    pub axes: Vec<usize>,
+    /// Whether this motion cannot tell it from the accepted one.
+    pub is_alias: bool,
+}
+
+/// What a search found.
+#[derive(Debug)]
+pub struct Search {
+    /// In the order in which they were accepted.
+    pub accepted: Vec<Accepted>,
+    /// The model with all of them.
+    pub trial: Trial,
+    /// The scan of the base model.
+    pub first_scan: Vec<Scanned>,
+    /// The best curves on top of the base model.
+    pub first_curves: Vec<CurveFit>,
+    /// What curves still find on top of the final model, best first.
+    pub left: Vec<CurveFit>,
+    /// The best law that did not hold its own against a curve, where the search ended for that.
+    pub refused: Option<Scanned>,
+}
+
+/// Laws in the catalogue's order: a plant's line asks them so.
+fn laws(named: &[Named]) -> Vec<Arc<dyn Law>> {
+    let place = |effect: &Effect| CATALOGUE.iter().position(|other| other.id == effect.id);
+    let mut sorted: Vec<&Named> = named.iter().collect();
+    sorted.sort_by_key(|named| place(named.effect));
+    sorted.into_iter().map(|named| named.law.clone()).collect()
+}
+
+/// Searches from the base model, a trial on each bench: `few` samples for the scan of everything, `bench` for what decides. `step` is told
+/// what begins.
+///
+/// # Errors
+/// As a calibration's, of a model that was accepted; a candidate that cannot be fitted is passed over.
+pub fn search(
+    (few, few_base): (&Bench<'_>, &Trial),
+    (bench, base): (&Bench<'_>, &Trial),
+    candidates: &[Candidate],
+    step: &dyn Fn(&str),
+) -> Result<Search, CalibrateError> {
+    let tests: usize = candidates.iter().map(|candidate| candidate.alternatives.len()).sum();
+    let mut found = Search {
+        accepted: Vec::new(),
+        trial: base.clone(),
+        first_scan: Vec::new(),
+        first_curves: Vec::new(),
+        left: Vec::new(),
+        refused: None,
+    };
+    let mut on_few = few_base.clone();
+    loop {
+        step("scanning the catalogue");
+        let mut scanned = scan(few, &found.accepted, &on_few, candidates, tests);
+        scanned.sort_by(|a, b| b.score.total_cmp(&a.score));
+        if found.accepted.is_empty() {
+            found.first_scan = scanned.iter().map(|s| Scanned { trial: None, ..s.clone() }).collect();
+        }
+        for s in scanned.iter().take(12) {
+            tracing::debug!(effect = s.named.effect.id, score = s.score, freedom = s.freedom, p = s.p_family, "scan");
+        }
+        step("refitting the best");
+        let mut refitted = refit(bench, &found, scanned, tests);
+        let samples = bench.series().stages();
+        refitted.sort_by(|a, b| worth(b, samples).total_cmp(&worth(a, samples)));
+        for s in &refitted {
+            tracing::debug!(effect = s.named.effect.id, score = s.score, freedom = s.freedom, p = s.p_family, "refit");
+        }
+        step("holding them against curves");
+        let mut curves = curves(few, &on_few, CURVE_ITERATIONS[0], &PLACES);
+        curves.sort_by(|a, b| b.score.total_cmp(&a.score));
+        let places: Vec<Place> = curves.iter().take(CURVES_REFITTED).map(|curve| curve.curves.place).collect();
+        let mut curves = self::curves(bench, &found.trial, CURVE_ITERATIONS[1], &places);
+        curves.sort_by(|a, b| b.score.total_cmp(&a.score));
+        if found.accepted.is_empty() {
+            found.first_curves = curves.clone();
+        }
+        for c in curves.iter().take(4) {
+            tracing::debug!(place = ?c.curves.place, score = c.score, p = c.p_family, "curve");
+        }
+        let best = refitted.first().filter(|best| best.p_family < LEVEL).cloned();
+        let rival = curves.first().filter(|curve| curve.p_family < LEVEL);
+        let holds = |best: &Scanned| rival.is_none_or(|curve| best.score >= NAMED_SHARE * curve.score);
+        match best {
+            Some(best) if holds(&best) && found.accepted.len() < MOST_FINDINGS => {
+                accept(bench, &mut found, best, &refitted)?;
+                on_few = few.fit(&all_laws(&found), &found.trial, FINAL_ITERATIONS)?;
+            }
+            best => {
+                found.refused = best;
+                found.left = curves;
+                return Ok(found);
+            }
+        }
+    }
+}
+
+/// What a law is worth on so many samples: its score less Schwarz's price of its parameters. A law that contains another one as a special
+/// case gains as much; the simpler one is meant.
+fn worth(scanned: &Scanned, samples: usize) -> f64 {
+    scanned.score - scanned.freedom as f64 * (samples.max(2) as f64).ln()
+}
+
+fn scan(
+    bench: &Bench<'_>,
+    accepted: &[Accepted],
+    current: &Trial,
+    candidates: &[Candidate],
+    tests: usize,
+) -> Vec<Scanned> {
+    let is_in = |effect: &Effect| accepted.iter().any(|accepted| accepted.named.effect.id == effect.id);
+    let others = candidates.iter().filter(|candidate| !is_in(candidate.effect));
+    others
+        .filter_map(|candidate| {
+            let tried = candidate.alternatives.iter().map(|law| {
+                let named = Named { effect: candidate.effect, law: law.clone() };
+                let from_nothing = law.parameters().coordinates.iter().all(|c| c.start == 0.0);
+                let iterations = SCAN_ITERATIONS[usize::from(!from_nothing)];
+                try_on_top(bench, (accepted, current), named, current, iterations, tests)
+            });
+            tried.max_by(|a, b| a.score.total_cmp(&b.score))
+        })
+        .collect()
+}
+
+/// Fits a law together with what has been accepted.
+fn try_on_top(
+    bench: &Bench<'_>,
+    (accepted, current): (&[Accepted], &Trial),
+    named: Named,
+    from: &Trial,
+    iterations: usize,
+    tests: usize,
+) -> Scanned {
+    let mut all: Vec<Named> = accepted.iter().map(|accepted| accepted.named.clone()).collect();
+    all.push(named.clone());
+    let trial = bench.fit(&laws(&all), from, iterations).ok().filter(|trial| trial.cost.is_finite());
+    let score = trial.as_ref().map_or(0.0, |trial| 2.0 * (current.cost - trial.cost)).max(0.0);
+    let freedom = named.law.parameters().coordinates.len().max(1);
+    let (mut joints, mut vif) = (Vec::new(), None);
+    if let Some(trial) = &trial {
+        joints = axes(named.effect, trial);
+        let own = trial.values.iter().filter(|value| is_of(named.effect, &value.name));
+        vif = own.map(|value| value.vif).filter(|vif| vif.is_finite()).reduce(f64::max);
+    }
+    let p_family = p_of_family(p_of_score(score, freedom), tests);
+    Scanned { p_family, named, trial, score, freedom, axes: joints, vif }
+}
+
+/// Refits the best of a scan and what the best may be taken for, each from where the scan left it.
+fn refit(bench: &Bench<'_>, found: &Search, scanned: Vec<Scanned>, tests: usize) -> Vec<Scanned> {
+    let Some(best) = scanned.first().filter(|best| best.p_family < LEVEL).map(|best| best.named.effect) else {
+        return Vec::new();
+    };
+    let alike =
+        |effect: &Effect| best.confounded_with.contains(&effect.id) || effect.confounded_with.contains(&best.id);
+    let wanted = |place: usize, s: &Scanned| place < REFITS || alike(s.named.effect);
+    scanned
+        .into_iter()
+        .enumerate()
+        .filter(|(place, s)| s.p_family < LEVEL && wanted(*place, s))
+        .map(|(_, s)| match &s.trial {
+            Some(trial) => {
+                let from = found.trial.with_values(trial);
+                try_on_top(bench, (&found.accepted, &found.trial), s.named.clone(), &from, REFIT_ITERATIONS, tests)
+            }
+            None => s,
+        })
+        .collect()
+}
+
+/// Curves on some places, on top of a model.
+fn curves(bench: &Bench<'_>, current: &Trial, iterations: usize, places: &[Place]) -> Vec<CurveFit> {
+    let fit = |place: &Place| {
+        let curves = place.curves(bench, current);
+        let freedom = curves.law.parameters().coordinates.len();
+        let mut laws = current.laws.clone();
+        laws.push(curves.law.clone());
+        let trial = bench.fit(&laws, current, iterations).ok().filter(|trial| trial.cost.is_finite())?;
+        let gained = 2.0 * (current.cost - trial.cost);
+        let p_family = p_of_family(p_of_score(gained, freedom), PLACES.len());
+        Some(CurveFit { curves, trial, score: gained - 2.0 * freedom as f64, p_family })
+    };
+    places.iter().filter_map(fit).collect()
+}
+
+fn accept(bench: &Bench<'_>, found: &mut Search, best: Scanned, refitted: &[Scanned]) -> Result<(), CalibrateError> {
+    let samples = bench.series().stages();
+    let rivals = refitted
+        .iter()
+        .filter(|other| other.named.effect.id != best.named.effect.id)
+        .map(|other| Rival {
+            effect: other.named.effect,
+            score: other.score,
+            axes: other.axes.clone(),
+            is_alias: worth(&best, samples) - worth(other, samples) < ALIAS,
+        })
+        .collect();
+    found.accepted.push(Accepted { named: best.named, score: best.score, p_family: best.p_family, rivals });
+    let from = best.trial.unwrap_or_else(|| found.trial.clone());
+    found.trial = bench.fit(&all_laws(found), &from, FINAL_ITERATIONS)?;
+    // What came in first may have stood for what came in last.
+    let mut place = 0;
+    while found.accepted.len() > 1 && place + 1 < found.accepted.len() {
+        let mut without: Vec<Named> = found.accepted.iter().map(|accepted| accepted.named.clone()).collect();
+        let dropped = without.remove(place);
+        let trial = bench.fit(&laws(&without), &found.trial, REFIT_ITERATIONS)?;
+        let lost = 2.0 * (trial.cost - found.trial.cost);
+        let p = p_of_score(lost, dropped.law.parameters().coordinates.len());
+        tracing::debug!(effect = dropped.effect.id, lost, p, "drop?");
+        if p > LEVEL {
+            found.accepted.remove(place);
+            found.trial = trial;
+        } else {
+            place += 1;
+        }
+    }
+    Ok(())
+}
+
+fn all_laws(found: &Search) -> Vec<Arc<dyn Law>> {
+    laws(&found.accepted.iter().map(|accepted| accepted.named.clone()).collect::<Vec<_>>())
+}
+
+impl Search {
+    /// What is lost without one of the accepted: twice the log-likelihood.
+    ///
+    /// # Errors
+    /// As a calibration's.
+    pub fn lost_without(&self, bench: &Bench<'_>, place: usize) -> Result<f64, CalibrateError> {
+        let mut without: Vec<Named> = self.accepted.iter().map(|accepted| accepted.named.clone()).collect();
+        without.remove(place);
+        let trial = bench.fit(&laws(&without), &self.trial, REFIT_ITERATIONS)?;
+        Ok(2.0 * (trial.cost - self.trial.cost))
+    }
+}
+
+/// Whether a result is a parameter of this effect.
+pub fn is_of(effect: &Effect, name: &str) -> bool {
+    name.strip_prefix(effect.id).is_some_and(|rest| rest.starts_with('.'))
+}
+
+/// The joints (1-based) in whose parameters an effect shows: more than three standard errors from nothing, and no less than a twentieth of
+/// the largest. Empty for effects that are no joint's.
+pub fn axes(effect: &Effect, trial: &Trial) -> Vec<usize> {
+    let prefix = format!("{}.", effect.id);
+    let joint = |name: &str| -> Option<usize> {
+        let index = name.strip_prefix(&prefix)?.split_once('[')?.1.strip_suffix(']')?;
+        index.parse().ok()
+    };
+    let of_joints: Vec<_> = trial
+        .values
+        .iter()
+        .filter(|value| !value.name.contains(".phi") && !value.name.contains(".q0") && !value.name.contains(".tau"))
+        .filter_map(|value| Some((joint(&value.name)?, value)))
+        .collect();
+    let significance =
+        |value: &crate::calibrate::TrialValue| value.std_error.map_or(0.0, |error| value.estimate.abs() / error);
+    let unit_largest = |unit: &str| {
+        of_joints.iter().filter(|(_, v)| v.unit == unit).map(|(_, v)| v.estimate.abs()).fold(0.0, f64::max)
+    };
+    let mut axes: Vec<usize> = of_joints
+        .iter()
+        .filter(|(_, value)| significance(value) > 3.0 && value.estimate.abs() > 0.05 * unit_largest(value.unit))
+        .map(|(joint, _)| *joint)
+        .collect();
+    axes.sort_unstable();
+    axes.dedup();
+    axes
+}

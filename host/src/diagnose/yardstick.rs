@@ -1,0 +1,31 @@
+//! The yardstick of a diagnosis: noise that is fixed before any model is judged.
+//!
+//! A process noise that is estimated on the base model swallows the effect: χ² per degree of freedom becomes 1 and nothing is left to explain.
+//! So the sensors' noise is what they show while the robot rests, or what the robot file says where that is more (a resting encoder repeats one
+//! count), and a step of the model may be wrong by what its integration misses and a little that no robot is below. The same weights then judge
+//! the base model and every extended one.
+
+use crate::calibrate::{Noise, Preset, Series};
+use crate::model::Model;
+use crate::robot::Robot;
+
+/// Fewest readings at rest that tell a deviation.
+const FEWEST: usize = 200;
+
+/// The noise that the robot file and the preset tell, with that of the sensors as the rest windows of `series` show it.
+pub fn yardstick(robot: &Robot, series: &Series) -> Noise {
+    let mut noise = Noise::assumed(robot, &Model::new(robot), series, &Preset::Default.assumptions());
+    for (channel, sigma) in noise.channels.iter_mut().enumerate() {
+        for rest in &series.rest {
+            let readings: Vec<f64> =
+                rest.clone().map(|k| series.measured(k)[channel]).filter(|value| value.is_finite()).collect();
+            if readings.len() < FEWEST {
+                continue;
+            }
+            // Differences of neighbours: a robot that settles moves slowly.
+            let squares: f64 = readings.windows(2).map(|pair| (pair[1] - pair[0]).powi(2)).sum();
+            *sigma = sigma.max((0.5 * squares / (readings.len() - 1) as f64).sqrt());
+        }
+    }
+    noise
+}
