@@ -16,8 +16,9 @@ const HEAVY_DAMPING: f64 = 1e-2;
 
 /// What a whole step gains of what it promised, where the parabola along it is lowest near its end. Where residuals are large or bend, the
 /// matrix of Gauss and Newton is not the cost's curvature and whole steps go too far, or not far enough, again and again (twenty of them,
-/// each leaving 73 % of the error, were seen under the rows of the paper); steps to the lowest point of the parabola, 1 / (2 − gain) of
-/// the way, take turns in what they leave.
+/// each leaving 73 % of the error, were seen under the rows of the paper). A step to the lowest point of the parabola, 1 / (2 − gain) of the
+/// way, leaves none of what went too far, and the whole step after it little of the rest; one shortened step after the other would leave
+/// some of both.
 const WHOLE_STEP_GAIN: std::ops::RangeInclusive<f64> = 0.6..=1.4;
 
 /// When to stop, how much to damp, how many threads to use.
@@ -161,6 +162,8 @@ pub fn minimise<P: LeastSquares>(
     let mut damping = settings.initial_damping;
     let mut state_damping = 0.0;
     let mut iterations: Vec<Iteration> = Vec::new();
+    // Whether the last step was moved to the lowest point along its way.
+    let mut mended = false;
     let mut status = Status::IterationLimit;
     // Whether the factor is undamped and belongs to the final point, or to one that the tolerance does not tell from it.
     let mut factor_is_final = false;
@@ -223,7 +226,8 @@ pub fn minimise<P: LeastSquares>(
                 } else {
                     1.0
                 };
-                if whole && !nothing_left && !little && !WHOLE_STEP_GAIN.contains(&ratio) {
+                mended = whole && !mended && !nothing_left && !little && !WHOLE_STEP_GAIN.contains(&ratio);
+                if mended {
                     trials += 1;
                     let lowest = (2.0 - ratio).max(0.5).recip();
                     step.scale(lowest);
