@@ -87,10 +87,11 @@ impl Noise {
         floor
     }
 
-    /// Positions no better known than their speeds allow.
+    /// Speeds no better known than [`LEAST_SPEED`], positions no better than their speeds allow.
     pub(super) fn join_positions(&mut self, layout: &Layout, period_s: f64) {
         let mut join = |position: usize, speed: usize| {
-            let least = POSITION_PER_SPEED * period_s * self.process[speed].max(LEAST_SPEED);
+            self.process[speed] = self.process[speed].max(LEAST_SPEED);
+            let least = POSITION_PER_SPEED * period_s * self.process[speed];
             self.process[position] = self.process[position].max(least);
         };
         for i in 0..layout.chain() {
