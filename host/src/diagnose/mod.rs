@@ -35,6 +35,10 @@ use search::{CurveFit, Search};
 /// Samples that everything is tried on, and samples that decide; of a recording three times as long windows are taken.
 const FEW_SAMPLES: usize = 4_000;
 const ENOUGH_SAMPLES: usize = 12_000;
+/// Trials end at this relative change of the cost: a thousandth of what tells two laws apart. Wrong models crawl on for long.
+const ENOUGH: f64 = 1e-6;
+/// And after so many iterations.
+const MOST_ITERATIONS: usize = 25;
 /// Windows of a bench.
 const WINDOWS: usize = 8;
 /// A curve that explains less of the base model's excess is not worth a line.
@@ -93,7 +97,9 @@ pub fn diagnose(
     let noise = yardstick::yardstick(robot, series);
     let bench = |samples: usize| {
         let part = series.excerpt(samples, WINDOWS).unwrap_or_else(|| series.clone());
-        Bench::new(robot, part, &base, noise.clone(), options.settings.clone())
+        let settings =
+            Settings { relative_cost_change: ENOUGH, max_iterations: MOST_ITERATIONS, ..options.settings.clone() };
+        Bench::new(robot, part, &base, noise.clone(), settings)
     };
     let ((few, few_base), (bench, trial)) = (bench(FEW_SAMPLES)?, bench(ENOUGH_SAMPLES)?);
     let (candidates, unsuited) = candidate::catalogue(robot, &options.without);

@@ -17,14 +17,17 @@ pub fn page(diagnosis: &Diagnosis) -> Page {
     }
     let holdout = diagnosis.holdout.clone();
     page = page.fact("gain measured on", holdout.unwrap_or_else(|| "the last third, which no fit has seen".into()));
-    page.push(findings(diagnosis));
-    page.push(gain(diagnosis));
-    page.push(defect(diagnosis));
-    page.push(scan(diagnosis));
+    for section in sections(diagnosis) {
+        page.push(section);
+    }
     page.push(parameters(diagnosis));
-    page.push(left(diagnosis));
     page.push(calibration::fit(&diagnosis.extended));
     page
+}
+
+/// What was found, what it brings, the defect as a curve, the scan and what is left: for pages that hold more, the demonstration's.
+pub fn sections(diagnosis: &Diagnosis) -> Vec<Section> {
+    vec![findings(diagnosis), gain(diagnosis), defect(diagnosis), scan(diagnosis), left(diagnosis)]
 }
 
 fn findings(diagnosis: &Diagnosis) -> Section {
