@@ -106,7 +106,7 @@ pub struct JointState {
     pub thetad: f64,
 }
 
-/// See the [module](self).
+/// The samples, the noise and what the motion does not determine: all that trials of models have in common.
 pub struct Bench<'a> {
     robot: &'a Robot,
     series: Series,

@@ -8,7 +8,7 @@ use std::process::ExitCode;
 pub const HELP: &str = "\
 Exit codes: 0 ok, 1 a fault of the program, 2 usage, 3 device or I/O, 4 data unusable, 5 no convergence;
 diagnose: 0 nothing found, 10 named, 11 unknown cause, 12 not separable with this motion;
-demo: 13 what was hidden was not found; 130 ended by Ctrl-C.";
+demo: 13 the estimates do not meet the truth; 130 ended by Ctrl-C.";
 
 /// What the process answers to its caller. The numbers are a public interface and never change.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -32,7 +32,7 @@ pub enum Exit {
     Unknown = 11,
     /// diagnose: several names fit, and this motion cannot tell which.
     NotSeparable = 12,
-    /// demo: what was hidden was not found, or the estimates do not meet the truth.
+    /// demo: the estimates do not meet the truth.
     NotFound = 13,
 }
 

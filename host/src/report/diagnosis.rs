@@ -25,8 +25,8 @@ pub fn page(diagnosis: &Diagnosis) -> Page {
     page
 }
 
-/// What was found, what it brings, the defect as a curve, the scan and what is left: for pages that hold more, the demonstration's.
-pub fn sections(diagnosis: &Diagnosis) -> Vec<Section> {
+/// What was found, what it brings, the defect as a curve, the scan and what is left.
+fn sections(diagnosis: &Diagnosis) -> Vec<Section> {
     vec![findings(diagnosis), gain(diagnosis), defect(diagnosis), scan(diagnosis), left(diagnosis)]
 }
 

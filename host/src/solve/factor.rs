@@ -7,7 +7,7 @@
 //! Stage k with block D, coupling E to the stage it is eliminated into, border part B and gradient g becomes
 //! `Uᵀ U = D`, `[Y | Z y] = U⁻ᵀ [E | B g]`; its neighbour's `[D | B g]` loses `Yᵀ [Y | Z y]`, the border loses `[Z y]ᵀ [Z y]`.
 //! Residuals and derivatives are made four stages at a time just before they are used (in `sweep`): Jacobians never go
-//! through memory. U and `[Y | Z y]` do, for the back-substitution: see [`store`](super::store).
+//! through memory. U and `[Y | Z y]` do, for the back-substitution: see `store`.
 //! The two sweeps and their order of summation are always the same, so results do not depend on the number of threads.
 
 use std::time::Duration;
