@@ -18,7 +18,6 @@ use super::{CalibrateError, Fit, identify, observability};
 use crate::model::law::Law;
 use crate::model::{Layout, Model};
 use crate::robot::{InputUnit, Robot, Symbol};
-use crate::solve::LeastSquares;
 use crate::solve::border::Border;
 use crate::solve::levenberg::{self, Settings};
 
@@ -44,10 +43,6 @@ pub struct Trial {
     pub laws: Vec<Arc<dyn Law>>,
     /// ½ Σ r².
     pub cost: f64,
-    /// Iterations taken.
-    pub iterations: usize,
-    /// Whether the search came to an end by itself.
-    pub ended: bool,
     /// Every parameter of the dynamics, the laws' behind the base model's.
     pub values: Vec<TrialValue>,
     rotations: Vec<Matrix3<f64>>,
@@ -165,11 +160,6 @@ impl<'a> Bench<'a> {
         self.robot
     }
 
-    /// What rows are weighted by.
-    pub fn noise(&self) -> &Noise {
-        &self.noise
-    }
-
     /// Fits the base model with `laws`, in at most so many iterations from the end of `from`.
     ///
     /// # Errors
@@ -218,8 +208,6 @@ impl<'a> Bench<'a> {
         Ok(Trial {
             laws: laws.to_vec(),
             cost: solution.cost,
-            iterations: solution.iterations.len(),
-            ended: solution.status != levenberg::Status::IterationLimit,
             values,
             rotations: point.rotations,
             biases: point.biases,
@@ -235,21 +223,6 @@ impl<'a> Bench<'a> {
         let point = extension::warm_start(&problem, self.robot, &self.series, &base.known(), &self.settings);
         let judged = identify::judge(&problem, self.robot, &point, &structural, self.settings.threads)?;
         Ok(judged.weak.into_iter().map(|held| held.direction).collect())
-    }
-
-    /// ½ Σ r² of every `stages` stages at the end of a trial: what each part of the recording says.
-    ///
-    /// # Errors
-    /// A model that cannot be built.
-    pub fn costs(&self, trial: &Trial, stages: usize) -> Result<Vec<f64>, CalibrateError> {
-        let model = Model::extended(self.robot, trial.laws.clone())?;
-        let mut problem = self.problem(&model);
-        let point = extension::warm_start(&problem, self.robot, &self.series, &trial.known(), &self.settings);
-        problem.shift_readings(&point.z);
-        let mut scratch = problem.scratch();
-        let count = self.series.stages();
-        let blocks = (0..count).step_by(stages).map(|first| first..(first + stages).min(count));
-        Ok(blocks.map(|block| problem.cost(&point, block, &mut scratch)).collect())
     }
 }
 

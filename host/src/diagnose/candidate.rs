@@ -102,8 +102,8 @@ fn range(bench: &Bench<'_>, trial: &Trial, joint: usize, argument: Argument) -> 
     [at(0.001), at(0.999)]
 }
 
-/// The argument at stage k along the states of a trial. Of the driving torque it is the share of the full input that counts.
-pub fn argument_of(bench: &Bench<'_>, trial: &Trial, k: usize, joint: usize, argument: Argument) -> f64 {
+/// The argument at stage k along the states of a trial.
+fn argument_of(bench: &Bench<'_>, trial: &Trial, k: usize, joint: usize, argument: Argument) -> f64 {
     let JointState { q, qd, theta, thetad } = trial.joint(k, joint);
     match argument {
         Argument::MotorSpeed => thetad,

@@ -120,9 +120,9 @@ pub struct Search {
 }
 
 /// Laws in the catalogue's order: a plant's line asks them so.
-fn laws(named: &[Named]) -> Vec<Arc<dyn Law>> {
+fn laws<'a>(named: impl Iterator<Item = &'a Named>) -> Vec<Arc<dyn Law>> {
     let place = |effect: &Effect| CATALOGUE.iter().position(|other| other.id == effect.id);
-    let mut sorted: Vec<&Named> = named.iter().collect();
+    let mut sorted: Vec<&Named> = named.collect();
     sorted.sort_by_key(|named| place(named.effect));
     sorted.into_iter().map(|named| named.law.clone()).collect()
 }
@@ -155,16 +155,12 @@ pub fn search(
         if found.accepted.is_empty() {
             found.first_scan = scanned.iter().map(|s| Scanned { trial: None, ..s.clone() }).collect();
         }
-        for s in scanned.iter().take(12) {
-            tracing::debug!(effect = s.named.effect.id, score = s.score, freedom = s.freedom, p = s.p_family, "scan");
-        }
+        note("scan", scanned.iter().take(12));
         step("refitting the best");
         let mut refitted = refit(bench, &found, scanned, tests);
         let samples = bench.series().stages();
         refitted.sort_by(|a, b| worth(b, samples).total_cmp(&worth(a, samples)));
-        for s in &refitted {
-            tracing::debug!(effect = s.named.effect.id, score = s.score, freedom = s.freedom, p = s.p_family, "refit");
-        }
+        note("refit", refitted.iter());
         step("holding them against curves");
         let mut curves = curves(few, &on_few, CURVE_ITERATIONS[0], &PLACES);
         curves.sort_by(|a, b| b.score.total_cmp(&a.score));
@@ -174,7 +170,7 @@ pub fn search(
         if found.accepted.is_empty() {
             found.first_curves = curves.clone();
         }
-        for c in curves.iter().take(4) {
+        for c in &curves {
             tracing::debug!(place = ?c.curves.place, score = c.score, p = c.p_family, "curve");
         }
         let best = refitted.first().filter(|best| best.p_family < LEVEL).cloned();
@@ -191,6 +187,13 @@ pub fn search(
                 return Ok(found);
             }
         }
+    }
+}
+
+/// For the log.
+fn note<'a>(what: &str, scanned: impl Iterator<Item = &'a Scanned>) {
+    for s in scanned {
+        tracing::debug!(effect = s.named.effect.id, score = s.score, freedom = s.freedom, p = s.p_family, "{what}");
     }
 }
 
@@ -231,9 +234,8 @@ fn try_on_top(
     iterations: usize,
     tests: usize,
 ) -> Scanned {
-    let mut all: Vec<Named> = accepted.iter().map(|accepted| accepted.named.clone()).collect();
-    all.push(named.clone());
-    let trial = bench.fit(&laws(&all), from, iterations).ok().filter(|trial| trial.cost.is_finite());
+    let all = accepted.iter().map(|accepted| &accepted.named).chain([&named]);
+    let trial = bench.fit(&laws(all), from, iterations).ok().filter(|trial| trial.cost.is_finite());
     let score = trial.as_ref().map_or(0.0, |trial| 2.0 * (current.cost - trial.cost)).max(0.0);
     let freedom = named.law.parameters().coordinates.len().max(1);
     let (mut joints, mut vif) = (Vec::new(), None);
@@ -301,10 +303,8 @@ fn accept(bench: &Bench<'_>, found: &mut Search, best: Scanned, refitted: &[Scan
     // What came in first may have stood for what came in last.
     let mut place = 0;
     while found.accepted.len() > 1 && place + 1 < found.accepted.len() {
-        let mut without: Vec<Named> = found.accepted.iter().map(|accepted| accepted.named.clone()).collect();
-        let dropped = without.remove(place);
-        let trial = bench.fit(&laws(&without), &found.trial, REFIT_ITERATIONS)?;
-        let lost = 2.0 * (trial.cost - found.trial.cost);
+        let (trial, lost) = found.without(bench, place)?;
+        let dropped = &found.accepted[place].named;
         let p = p_of_score(lost, dropped.law.parameters().coordinates.len());
         tracing::debug!(effect = dropped.effect.id, lost, p, "drop?");
         if p > LEVEL {
@@ -318,19 +318,19 @@ fn accept(bench: &Bench<'_>, found: &mut Search, best: Scanned, refitted: &[Scan
 }
 
 fn all_laws(found: &Search) -> Vec<Arc<dyn Law>> {
-    laws(&found.accepted.iter().map(|accepted| accepted.named.clone()).collect::<Vec<_>>())
+    laws(found.accepted.iter().map(|accepted| &accepted.named))
 }
 
 impl Search {
-    /// What is lost without one of the accepted: twice the log-likelihood.
+    /// The model without one of the accepted, and what is lost: twice the log-likelihood.
     ///
     /// # Errors
     /// As a calibration's.
-    pub fn lost_without(&self, bench: &Bench<'_>, place: usize) -> Result<f64, CalibrateError> {
-        let mut without: Vec<Named> = self.accepted.iter().map(|accepted| accepted.named.clone()).collect();
-        without.remove(place);
-        let trial = bench.fit(&laws(&without), &self.trial, REFIT_ITERATIONS)?;
-        Ok(2.0 * (trial.cost - self.trial.cost))
+    pub fn without(&self, bench: &Bench<'_>, place: usize) -> Result<(Trial, f64), CalibrateError> {
+        let others = self.accepted.iter().enumerate().filter(|(other, _)| *other != place);
+        let trial = bench.fit(&laws(others.map(|(_, accepted)| &accepted.named)), &self.trial, REFIT_ITERATIONS)?;
+        let lost = 2.0 * (trial.cost - self.trial.cost);
+        Ok((trial, lost))
     }
 }
 

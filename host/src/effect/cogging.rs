@@ -49,9 +49,7 @@ impl Physics for Cogging {
 }
 
 fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectError> {
-    let mut joints = draw::turning(robot);
-    joints.retain(|joint| draw::full_torque(robot, *joint) > 0.0);
-    let joints = draw::some(EFFECT.id, joints, draw::NO_VOLTAGE)?;
+    let joints = draw::driven(EFFECT.id, robot)?;
     let amplitude = draw::per_joint(robot, &joints, size, AMPLITUDE, |j| draw::full_torque(robot, j), rng);
     let periods = f64::from(rng.random_range(PERIODS));
     let phase = draw::phases(robot, rng);
@@ -91,9 +89,7 @@ impl CoggingLaw {
 }
 
 fn laws(robot: &Robot) -> Laws {
-    let mut joints = draw::turning(robot);
-    joints.retain(|joint| draw::full_torque(robot, *joint) > 0.0);
-    let joints = draw::some(EFFECT.id, joints, draw::NO_VOLTAGE)?;
+    let joints = draw::driven(EFFECT.id, robot)?;
     let with = |periods: u8| {
         let periods = f64::from(periods);
         let mut parameters = Parameters::new(EFFECT.id);

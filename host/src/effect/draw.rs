@@ -51,6 +51,16 @@ pub(super) fn full_torque(robot: &Robot, joint: usize) -> f64 {
     nominal(robot, Symbol::KPwm, joint) * robot.input.scale
 }
 
+/// Joints of `effect` that turn and whose motor is driven by a voltage.
+///
+/// # Errors
+/// [`EffectError::Unsuited`] where there is none.
+pub(super) fn driven(effect: &'static str, robot: &Robot) -> Result<Vec<usize>, EffectError> {
+    let mut joints = turning(robot);
+    joints.retain(|joint| full_torque(robot, *joint) > 0.0);
+    some(effect, joints, NO_VOLTAGE)
+}
+
 /// One value for every joint of the robot: drawn on `joints`, where `unit` is the scale of the shares; zero elsewhere.
 pub(super) fn per_joint(
     robot: &Robot,

@@ -47,10 +47,15 @@ impl Physics for LinkFriction {
     }
 }
 
-fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectError> {
+/// Joints that a voltage turns through a transmission.
+fn joints(robot: &Robot) -> Result<Vec<usize>, EffectError> {
     let mut joints = draw::elastic(robot);
     joints.retain(|joint| draw::full_torque(robot, *joint) > 0.0);
-    let joints = draw::some(EFFECT.id, joints, "no joint is turned by a voltage through an elastic transmission")?;
+    draw::some(EFFECT.id, joints, "no joint is turned by a voltage through an elastic transmission")
+}
+
+fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectError> {
+    let joints = joints(robot)?;
     let mu = draw::per_joint(robot, &joints, size, SHARE_OF_TORQUE, |j| draw::full_torque(robot, j), rng);
     // An exact size is that of μ_l; v_l goes with it as medium with medium.
     let k_mi = |joint| draw::nominal(robot, Symbol::KMi, joint);
@@ -92,9 +97,7 @@ impl LinkFrictionLaw {
 }
 
 fn laws(robot: &Robot) -> Laws {
-    let mut joints = draw::elastic(robot);
-    joints.retain(|joint| draw::full_torque(robot, *joint) > 0.0);
-    let joints = draw::some(EFFECT.id, joints, "no joint is turned by a voltage through an elastic transmission")?;
+    let joints = joints(robot)?;
     let mut parameters = Parameters::new(EFFECT.id);
     for &joint in &joints {
         parameters.plain("mu_l", "N m", Of::Joint(joint), 0.0);

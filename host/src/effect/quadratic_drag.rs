@@ -78,9 +78,7 @@ impl DragLaw {
 }
 
 fn laws(robot: &Robot) -> Laws {
-    let mut joints = draw::turning(robot);
-    joints.retain(|joint| draw::full_torque(robot, *joint) > 0.0);
-    let joints = draw::some(EFFECT.id, joints, draw::NO_VOLTAGE)?;
+    let joints = draw::driven(EFFECT.id, robot)?;
     let mut parameters = Parameters::new(EFFECT.id);
     for joint in joints {
         parameters.plain("c", "N m s^2/rad^2", Of::Joint(joint), 0.0);

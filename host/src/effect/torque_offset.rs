@@ -43,9 +43,7 @@ impl Physics for TorqueOffset {
 }
 
 fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectError> {
-    let mut joints = draw::turning(robot);
-    joints.retain(|joint| draw::full_torque(robot, *joint) > 0.0);
-    let joints = draw::some(EFFECT.id, joints, draw::NO_VOLTAGE)?;
+    let joints = draw::driven(EFFECT.id, robot)?;
     let mut offset = draw::per_joint(robot, &joints, size, OFFSET, |j| draw::full_torque(robot, j), rng);
     draw::either_sign(&mut offset, size, rng);
     let values = draw::of_joints(EFFECT.id, "o", "N m", &joints, &offset).collect();
@@ -78,9 +76,7 @@ impl OffsetLaw {
 }
 
 fn laws(robot: &Robot) -> Laws {
-    let mut joints = draw::turning(robot);
-    joints.retain(|joint| draw::full_torque(robot, *joint) > 0.0);
-    let joints = draw::some(EFFECT.id, joints, draw::NO_VOLTAGE)?;
+    let joints = draw::driven(EFFECT.id, robot)?;
     let mut parameters = Parameters::new(EFFECT.id);
     for joint in joints {
         parameters.plain("o", "N m", Of::Joint(joint), 0.0);
