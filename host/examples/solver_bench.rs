@@ -15,9 +15,9 @@ use std::time::Instant;
 use host::calibrate::{Preset, Status, calibrate};
 use host::recording::Recording;
 use host::robot::Robot;
-use host::simd::{LANES, Simd, Work, vectorised};
 use host::simulate::{Direct, Options, SimulateError};
-use host::solve::levenberg::Settings;
+use solve::levenberg::Settings;
+use solve::simd::{LANES, Simd, Work, vectorised};
 
 const SIZES: [usize; 7] = [5_000, 20_000, 70_000, 100_000, 200_000, 500_000, 1_000_000];
 

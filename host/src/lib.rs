@@ -1,7 +1,7 @@
 //! Calibration of flexible-joint robots: record a motion, calibrate the elastic-joint model, verify it on another motion.
 //!
 //! Data runs one way: serial line → [`link`] → [`recording`] → [`calibrate`] (residuals of the [`model`], solved by
-//! [`solve`]) → results → [`report`]. Imports run downward in the list below; there are no cycles.
+//! the crate [`solve`]) → results → [`report`]. Imports run downward in the list below; there are no cycles.
 #![forbid(unsafe_code)]
 
 pub mod command;
@@ -17,8 +17,5 @@ pub mod simulate;
 pub mod effect;
 pub mod model;
 pub mod recording;
-pub mod solve;
 
 pub mod robot;
-
-pub mod simd;

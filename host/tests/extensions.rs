@@ -5,9 +5,9 @@ use host::effect::{CATALOGUE, Effect, Hidden, Size};
 use host::recording::{NO_PHASE, Recorder, Recording, Row, Session, Source, Tick};
 use host::robot::{Robot, Side};
 use host::simulate::{Plant, Truth};
-use host::solve::levenberg::Settings;
 use rand::{RngExt, SeedableRng, rngs::StdRng};
 use rand_distr::{Distribution, StandardNormal};
+use solve::levenberg::Settings;
 
 /// A recording of a Doggy that moves much, with effects inside.
 fn simulated(robot: &Robot, samples: usize, seed: u64, effects: Vec<Hidden>) -> (Recording, Truth) {

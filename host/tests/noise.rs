@@ -4,7 +4,7 @@ use host::calibrate::{Calibration, ChannelNoise, Method, NoiseSource, Preset, ca
 use host::recording::Recording;
 use host::robot::Robot;
 use host::simulate::{Direct, Options, ProcessNoise, SHORT_MOTION};
-use host::solve::levenberg::Settings;
+use solve::levenberg::Settings;
 
 fn recorded(seed: u64, process_noise: f64) -> Recording {
     let robot = Robot::builtin("doggy").unwrap();

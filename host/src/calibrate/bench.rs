@@ -18,8 +18,8 @@ use super::{CalibrateError, Fit, identify, observability};
 use crate::model::law::Law;
 use crate::model::{Layout, Model};
 use crate::robot::{InputUnit, Robot, Symbol};
-use crate::solve::border::Border;
-use crate::solve::levenberg::{self, Settings};
+use solve::border::Border;
+use solve::levenberg::{self, Settings};
 
 /// A value with its standard error under the frozen noise.
 #[derive(Debug, Clone, PartialEq)]

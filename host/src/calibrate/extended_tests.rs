@@ -7,7 +7,7 @@ use super::{Preset, Problem, extension, start};
 use crate::effect::{CATALOGUE, Effect};
 use crate::model::Model;
 use crate::robot::Robot;
-use crate::solve::{LeastSquares, Stage, Step};
+use solve::{LeastSquares, Stage, Step};
 
 /// Effects that are nothing at the start values of their laws, beside a word of what makes that so.
 const NULL_AT_START: [&str; 22] = [

@@ -11,7 +11,7 @@ use crate::effect::{CATALOGUE, Effect, EffectError};
 use crate::model::law::{Form, Law};
 use crate::model::{Integrator, Layout, Model};
 use crate::robot::Robot;
-use crate::solve::levenberg::{self, Settings, total_cost};
+use solve::levenberg::{self, Settings, total_cost};
 
 /// Iterations that alternatives of a law get before the best goes on alone, and so many where there are many of them.
 const TRIAL_ITERATIONS: usize = 2;

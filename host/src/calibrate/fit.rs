@@ -20,8 +20,8 @@ use super::{CalibrateError, check, extension, marginal, observability, start, su
 use crate::model::{Layout, Model};
 use crate::recording::Recording;
 use crate::robot::Robot;
-use crate::solve::border::Border;
-use crate::solve::levenberg::{Iteration, Settings};
+use solve::border::Border;
+use solve::levenberg::{Iteration, Settings};
 
 /// Relative change of the cost from which on a search ends whose weights will change anyway.
 const ROUGH: f64 = 1e-5;

@@ -5,8 +5,8 @@ use crate::model::Model;
 use crate::recording::check::{About, Check, Finding};
 use crate::recording::{Recording, Severity};
 use crate::robot::Robot;
-use crate::solve::border::Border;
-use crate::solve::levenberg::Settings;
+use solve::border::Border;
+use solve::levenberg::Settings;
 
 use super::{CalibrateError, Preset, Problem, Series, Unobservable, identify, observability, start, summary};
 

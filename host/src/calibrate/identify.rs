@@ -23,8 +23,8 @@ use super::preset::GyroRows;
 use super::problem::Problem;
 use crate::model::{SensorFrame, rotation};
 use crate::robot::{Friction, Joint, JointKind, Robot, Side, Symbol};
-use crate::solve::factor::{self, SolveError};
-use crate::solve::{LeastSquares, Step};
+use solve::factor::{self, SolveError};
+use solve::{LeastSquares, Step};
 
 /// Information below which a 95 % interval is wider than the prior guess, in units of the guess.
 const LEAST_INFORMATION: f64 = 1.96 * 1.96;

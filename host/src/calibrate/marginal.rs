@@ -19,9 +19,9 @@ use super::observability::Held;
 use super::point::Point;
 use super::problem::Problem;
 use super::search::Found;
-use crate::solve::factor::{Factor, SolveError};
-use crate::solve::inverse::log_determinant_of_states;
-use crate::solve::{LeastSquares, Step};
+use solve::factor::{Factor, SolveError};
+use solve::inverse::log_determinant_of_states;
+use solve::{LeastSquares, Step};
 
 /// Standard error of noise-free predictions, in units of the guess, up to which the motion itself shows a parameter well enough.
 const OPEN: f64 = 0.01;

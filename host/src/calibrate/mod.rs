@@ -48,7 +48,7 @@ pub use series::Series;
 
 use crate::recording::Recording;
 use crate::robot::{ChannelKind, Robot};
-use crate::solve::factor::SolveError;
+use solve::factor::SolveError;
 
 /// Why recordings cannot be calibrated.
 #[derive(Debug, thiserror::Error)]

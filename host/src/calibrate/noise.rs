@@ -6,7 +6,7 @@ use super::problem::Problem;
 use super::series::Series;
 use crate::model::{Layout, Model, Stepper};
 use crate::robot::{JointKind, Robot};
-use crate::solve::LeastSquares;
+use solve::LeastSquares;
 
 /// Standard deviations, a plain value: taken from a preset or estimated from the recording.
 #[derive(Debug, Clone, PartialEq)]

@@ -19,7 +19,7 @@ use std::ops::Range;
 use super::point::Point;
 use super::problem::Problem;
 use super::series::Series;
-use crate::solve::LeastSquares;
+use solve::LeastSquares;
 
 /// Neighbours on either side: of seven readings three may be wrong.
 const NEIGHBOURS: usize = 3;

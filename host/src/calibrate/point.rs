@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use crate::model::{Dynamics, rotation};
-use crate::solve::Step;
+use solve::Step;
 
 /// Where the shared unknowns stand in the border:
 ///

@@ -12,7 +12,7 @@ use super::point::Point;
 use super::problem::Problem;
 use super::start::{self, Shared};
 use crate::robot::Robot;
-use crate::solve::levenberg::{self, Settings, Status};
+use solve::levenberg::{self, Settings, Status};
 
 /// Samples of the excerpt, in so many windows.
 const SAMPLES: usize = 12_000;

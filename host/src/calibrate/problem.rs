@@ -22,7 +22,7 @@ use super::wide::Wide;
 use crate::model::fast::Fast;
 use crate::model::{Linear, Model, SensorFrame, SensorLaws, StepSlopes, Stepper};
 use crate::robot::{ChannelKind, Robot, Side};
-use crate::solve::{LeastSquares, Shape, Stage, Step};
+use solve::{LeastSquares, Shape, Stage, Step};
 
 /// A recording (or several) under a model.
 pub struct Problem<'m> {

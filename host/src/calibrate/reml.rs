@@ -18,9 +18,9 @@ use nalgebra::{DMatrix, DVector};
 use super::noise::Noise;
 use super::point::Point;
 use super::problem::Problem;
-use crate::solve::columns::{self, Entries, ExtraColumns};
-use crate::solve::factor::{Factor, SolveError};
-use crate::solve::{BATCH, LeastSquares, Shape, Stage, Step};
+use solve::columns::{self, Entries, ExtraColumns};
+use solve::factor::{Factor, SolveError};
+use solve::{BATCH, LeastSquares, Shape, Stage, Step};
 
 /// Samples that are looked at, in so many windows, where the recording is longer.
 const SAMPLES: usize = 20_000;

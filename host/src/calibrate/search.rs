@@ -6,8 +6,8 @@ use super::point::Point;
 use super::prefit;
 use super::problem::Problem;
 use crate::robot::Robot;
-use crate::solve::factor::SolveError;
-use crate::solve::levenberg::{self, Iteration, Settings, Solution};
+use solve::factor::SolveError;
+use solve::levenberg::{self, Iteration, Settings, Solution};
 
 /// Most searches until what is held agrees with what the estimate says is not determined. One is enough where the start tells it already.
 const MOST_ROUNDS: usize = 3;

@@ -17,9 +17,9 @@ use super::{
 use crate::model::rotation;
 use crate::recording::Recording;
 use crate::robot::Robot;
-use crate::solve::LeastSquares;
-use crate::solve::border::Border;
-use crate::solve::levenberg::{self, Solution};
+use solve::LeastSquares;
+use solve::border::Border;
+use solve::levenberg::{self, Solution};
 
 /// Correlations of this size are told.
 const STRONG: f64 = 0.9;

@@ -7,7 +7,7 @@ use super::series::Series;
 use super::{Point, Preset, Problem, start};
 use crate::model::Model;
 use crate::robot::Robot;
-use crate::solve::{BATCH, LeastSquares, Stage, Step};
+use solve::{BATCH, LeastSquares, Stage, Step};
 
 /// Doggy with a gyro that is read late, so that rows depend on the accelerations too.
 fn robot() -> Robot {

@@ -6,8 +6,8 @@ use super::point::Point;
 use super::preset::GyroRows;
 use super::problem::{GyroRow, Problem};
 use crate::model::fast::{Fast, GyroQuads, JOINTS, RateSource, Samples, StepQuads};
-use crate::simd::{self, LANES, Quad, Simd, Work, vectorised};
-use crate::solve::{BATCH, Stage};
+use solve::simd::{self, LANES, Quad, Simd, Work, vectorised};
+use solve::{BATCH, Stage};
 
 type Value<S> = simd::Wide<S>;
 type Triple<S> = [Value<S>; 3];

@@ -8,7 +8,7 @@ use crate::effect::{Effect, EffectError};
 use crate::recording::{self, Recording};
 use crate::report;
 use crate::robot::Robot;
-use crate::solve::levenberg::{Iteration, Settings};
+use solve::levenberg::{Iteration, Settings};
 
 /// Calibrate the elastic-joint model on one or more recordings
 ///

@@ -30,8 +30,8 @@ use crate::calibrate::{Bench, CalibrateError, Preset, extend, fit};
 use crate::effect::{Effect, EffectError};
 use crate::recording::Recording;
 use crate::robot::Robot;
-use crate::solve::levenberg::Settings;
 use crate::verify::VerifyError;
+use solve::levenberg::Settings;
 
 /// Samples that everything is tried on, and samples that decide; of a recording three times as long windows are taken.
 const FEW_SAMPLES: usize = 4_000;

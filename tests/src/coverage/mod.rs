@@ -17,8 +17,8 @@ use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use host::calibrate::{Calibration, Preset, calibrate, comparable_truth};
 use host::robot::Robot;
 use host::simulate::{Direct, Options, SHORT_MOTION};
-use host::solve::levenberg::Settings;
 use serde::{Deserialize, Serialize};
+use solve::levenberg::Settings;
 
 pub use bands::{binomial_band, chi_square_band, chi_square_quantile};
 pub use table::{Row, Table};

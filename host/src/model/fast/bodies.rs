@@ -14,7 +14,7 @@ use super::elementary::sin_cos;
 use super::vector::{Vector, add, add_scaled, combine, cross, dot, scale, sub, zero};
 use crate::robot::chain::LinkFrame;
 use crate::robot::{Matrix3, chain::Chain};
-use crate::simd::{Simd, Wide};
+use solve::simd::{Simd, Wide};
 
 /// The links of a chain.
 #[derive(Debug, Clone)]

@@ -3,7 +3,7 @@
 use super::elementary::sigmoid;
 use super::{Dynamics, Samples};
 use crate::robot::{Friction, Side};
-use crate::simd::{Quad, Simd, Wide};
+use solve::simd::{Quad, Simd, Wide};
 
 /// f: the two accelerations of every joint, and what their derivatives are made of.
 pub(super) struct Accelerations<S: Simd, const N: usize> {

@@ -5,7 +5,7 @@
 // The constants are the published ones, digit by digit.
 #![allow(clippy::excessive_precision)]
 
-use crate::simd::{LANES, Simd, Wide};
+use solve::simd::{LANES, Simd, Wide};
 
 /// Σ c[i] xⁱ.
 #[inline(always)]
@@ -129,7 +129,7 @@ pub fn sigmoid<S: Simd>(a: Wide<S>) -> (Wide<S>, Wide<S>) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::simd::{Plain, Work, vectorised};
+    use solve::simd::{Plain, Work, vectorised};
 
     /// The functions under test, on every instruction set.
     struct Both([f64; LANES]);

@@ -10,7 +10,7 @@
 use super::Samples;
 use super::vector::{Vector, add_scaled, apply_transposed, combine, cross, dot, zero};
 use crate::robot::Matrix3;
-use crate::simd::{Simd, Wide};
+use solve::simd::{Simd, Wide};
 
 /// Where the rate of a body begins.
 #[derive(Clone, Copy)]

@@ -25,8 +25,8 @@ pub use step::StepQuads;
 
 use super::{Dynamics, Model};
 use crate::robot::{JointKind, Transmission};
-use crate::simd::{Quad, Simd, Wide};
 use bodies::{Bodies, Links};
+use solve::simd::{Quad, Simd, Wide};
 
 /// Chains of this many joints are compiled.
 pub const JOINTS: usize = 3;

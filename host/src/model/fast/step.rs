@@ -3,7 +3,7 @@
 use super::drive::Accelerations;
 use super::{Dynamics, Fast, Samples};
 use crate::model::Integrator;
-use crate::simd::{Quad, Simd, Wide};
+use solve::simd::{Quad, Simd, Wide};
 
 /// φ(x, u) and `[∂φ/∂x | ∂φ/∂z]` of four samples, and the space that it takes to make them: one a thread.
 #[derive(Debug, Clone, Default)]

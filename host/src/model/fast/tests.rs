@@ -5,7 +5,7 @@ use rand::{RngExt, SeedableRng, rngs::StdRng};
 use super::{Fast, GyroQuads, JOINTS, RateSource, Samples, StepQuads};
 use crate::model::{Dynamics, Integrator, Model, SensorFrame, StepSlopes, Stepper};
 use crate::robot::Robot;
-use crate::simd::{LANES, Plain, Quad, Simd, Work, vectorised};
+use solve::simd::{LANES, Plain, Quad, Simd, Work, vectorised};
 
 /// Doggy; the same with joints that do not meet and friction on the link side.
 fn robots() -> Vec<Robot> {

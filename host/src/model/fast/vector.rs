@@ -1,7 +1,7 @@
 //! Vectors of three dimensions whose components are four samples wide.
 
 use crate::robot::Matrix3;
-use crate::simd::{Simd, Wide};
+use solve::simd::{Simd, Wide};
 
 pub(super) type Vector<S> = [Wide<S>; 3];
 

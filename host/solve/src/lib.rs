@@ -11,7 +11,8 @@
 //! [`factor`] runs it from both ends inwards on two threads, [`border`] holds what is left for the shared unknowns (the Schur
 //! complement, which is their information matrix), [`levenberg`] iterates, [`kernel`] has the small dense loops. From the finished factor,
 //! [`columns`] eliminates the states from further columns beside the Jacobian, and [`inverse`] has the log-determinant and the blocks of
-//! the inverse.
+//! the inverse. [`simd`] is the vector that the loops are written in.
+#![forbid(unsafe_code)]
 
 pub mod border;
 pub mod columns;
@@ -20,6 +21,7 @@ pub mod inverse;
 pub mod kernel;
 pub mod levenberg;
 mod problem;
+pub mod simd;
 mod store;
 mod sweep;
 #[cfg(test)]

@@ -10,9 +10,9 @@ use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 
 use super::random::{Random, Spec, zero};
-use crate::solve::Step;
-use crate::solve::border::Border;
-use crate::solve::factor::Factor;
+use crate::Step;
+use crate::border::Border;
+use crate::factor::Factor;
 
 /// Bound of rounding errors, for matrices of these sizes.
 pub const ROUNDING: f64 = 2e-14;

@@ -276,8 +276,7 @@ impl Stage {
     }
 
     /// An empty stage of a problem of this shape.
-    #[cfg(test)]
-    pub(crate) fn empty(shape: Shape) -> Self {
+    pub fn empty(shape: Shape) -> Self {
         Stage::new(Columns::of(shape).unwrap())
     }
 
@@ -324,8 +323,7 @@ impl Stage {
     }
 
     /// The whitened rows that are no transition, dense: `[∂r/∂x | ∂r/∂p | r]`.
-    #[cfg(test)]
-    pub(crate) fn dense_rows(&self) -> Vec<Vec<f64>> {
+    pub fn dense_rows(&self) -> Vec<Vec<f64>> {
         let shape = &self.columns.shape;
         let (n, m) = (shape.stage, shape.border);
         let mut rows = Vec::new();
@@ -342,12 +340,10 @@ impl Stage {
     }
 
     /// The whitened transition, dense: `[∂r/∂x | ∂r/∂p | r]`; empty where there is none.
-    #[cfg(test)]
-    pub(crate) fn dense_transition(&self) -> Vec<Vec<f64>> {
+    pub fn dense_transition(&self) -> Vec<Vec<f64>> {
         if self.linked { self.dense(&self.transition)[..self.columns.shape.stage].to_vec() } else { Vec::new() }
     }
 
-    #[cfg(test)]
     fn dense(&self, panel: &Panel) -> Vec<Vec<f64>> {
         let shape = &self.columns.shape;
         let (n, m) = (shape.stage, shape.border);

@@ -6,10 +6,10 @@ use rand::{RngExt, SeedableRng, rngs::StdRng};
 
 use super::properties::{Dense, ROUNDING, WORST_CONDITION, config, factorised, spec};
 use super::random::{Random, Reach, zero};
-use crate::solve::border::Border;
-use crate::solve::columns::{Entries, ExtraColumns, eliminate, solve};
-use crate::solve::inverse::{log_determinant_of_states, selected_inverse};
-use crate::solve::{RowAt, Stage, Step};
+use crate::border::Border;
+use crate::columns::{Entries, ExtraColumns, eliminate, solve};
+use crate::inverse::{log_determinant_of_states, selected_inverse};
+use crate::{RowAt, Stage, Step};
 
 /// Random columns over the rows of a problem, and over a few states directly.
 struct RandomColumns {
