@@ -10,11 +10,8 @@
 
 use crate::simd::{LANES, Quad, Simd};
 
-/// Block sizes that are compiled; a stage of n unknowns runs in the next larger one.
-pub const STAGE_SIZES: [usize; 5] = [4, 12, 16, 24, 36];
-
 /// The largest stage that can be solved.
-pub const MAX_STAGE_SIZE: usize = STAGE_SIZES[STAGE_SIZES.len() - 1];
+pub const MAX_STAGE_SIZE: usize = 36;
 
 /// Groups of four that hold `width` columns.
 pub const fn groups(width: usize) -> usize {
@@ -122,25 +119,26 @@ pub fn strip<S: Simd, const SUBTRACT: bool>(
     }
 }
 
-/// [`strip`] of whole groups of N rows: `sums[4·block + r][group + g] ± = Σ_k left[k]_r right[g][k]`.
+/// [`strip`] of whole groups: `sums[4·block + r][group + g] ± = Σ_k left[k]_r right[g][k]`; `right` holds groups as long as `left`.
 #[inline(always)]
-pub fn products<S: Simd, const N: usize, const SUBTRACT: bool>(
+pub fn products<S: Simd, const SUBTRACT: bool>(
     simd: S,
-    left: &[Quad; N],
-    right: &[[Quad; N]],
+    left: &[Quad],
+    right: &[Quad],
     sums: &mut Sums<'_>,
     (block, group): (usize, usize),
 ) {
+    let (n, mut right) = (left.len(), right);
     let mut at = group * sums.rows + block * LANES;
-    let (pairs, last) = right.as_chunks::<2>();
-    for [b, c] in pairs {
-        let (first, second) = tile(simd, left, b, c);
+    while right.len() >= 2 * n {
+        let (pair, rest) = right.split_at(2 * n);
+        let (first, second) = tile(simd, left, &pair[..n], &pair[n..]);
         add_to::<S, SUBTRACT>(simd, &mut sums.values[at..], first);
         add_to::<S, SUBTRACT>(simd, &mut sums.values[at + sums.rows..], second);
-        at += 2 * sums.rows;
+        (right, at) = (rest, at + 2 * sums.rows);
     }
-    for b in last {
-        let sum = narrow_tile(simd, left, b);
+    if !right.is_empty() {
+        let sum = narrow_tile(simd, left, right);
         add_to::<S, SUBTRACT>(simd, &mut sums.values[at..], sum);
     }
 }
@@ -209,32 +207,34 @@ impl Diagonal {
     }
 }
 
-/// Factors the leading `N × N` block of `front` (by groups of N rows) as `Uᵀ U` and solves with it the columns behind and the vector
+/// Factors the leading block of `front` (by groups of as many rows as `right` has) as `Uᵀ U` and solves with it the columns behind and the vector
 /// `right`: `front` becomes `[U | U⁻ᵀ rest]`, with the reciprocals of U's diagonal on the diagonal and what is below the diagonal blocks
 /// untouched.
 #[inline(always)]
-pub fn factor<S: Simd, const N: usize>(simd: S, front: &mut [[Quad; N]], right: &mut [f64; N]) -> Result<(), Pivot> {
-    for block in 0..N / LANES {
+pub fn factor<S: Simd>(simd: S, front: &mut [Quad], right: &mut [f64]) -> Result<(), Pivot> {
+    let n = right.len();
+    let mut above = [Quad::default(); MAX_STAGE_SIZE];
+    for block in 0..n / LANES {
         let first = block * LANES;
-        // The four rows lose what the rows above say of them.
-        let above = front[block];
-        let a = &above[..first];
-        let mut rest = &mut front[block..];
-        while let [b, c, others @ ..] = rest {
-            if block > 0 {
+        let rest = &mut front[block * n..];
+        if block > 0 {
+            // The four rows lose what the rows above say of them.
+            above[..first].copy_from_slice(&rest[..first]);
+            let a = &above[..first];
+            let mut pairs = rest.chunks_exact_mut(2 * n);
+            for pair in &mut pairs {
+                let (b, c) = pair.split_at_mut(n);
                 let (x, y) = tile(simd, a, &b[..first], &c[..first]);
                 add_to::<S, true>(simd, &mut b[first..], x);
                 add_to::<S, true>(simd, &mut c[first..], y);
             }
-            rest = others;
+            let b = pairs.into_remainder();
+            if !b.is_empty() {
+                let x = narrow_tile(simd, a, &b[..first]);
+                add_to::<S, true>(simd, &mut b[first..], x);
+            }
         }
-        if let [b] = rest
-            && block > 0
-        {
-            let x = narrow_tile(simd, a, &b[..first]);
-            add_to::<S, true>(simd, &mut b[first..], x);
-        }
-        let own = &front[block][first..first + LANES];
+        let own = &rest[first..first + LANES];
         let d = match Diagonal::of(simd, [own[0].0, own[1].0, own[2].0, own[3].0]) {
             Ok(d) => d,
             Err(pivot) => return Err(Pivot { index: first + pivot.index, ..pivot }),
@@ -244,7 +244,7 @@ pub fn factor<S: Simd, const N: usize>(simd: S, front: &mut [[Quad; N]], right: 
         let (b12, b13, b23) = (simd.splat(b12), simd.splat(b13), simd.splat(b23));
         let [s0, s1, s2, s3] = d.scale;
         let (s0, s1, s2, s3) = (simd.splat(s0), simd.splat(s1), simd.splat(s2), simd.splat(s3));
-        for group in &mut front[block..] {
+        for group in rest.chunks_exact_mut(n) {
             let rows = &mut group[first..first + LANES];
             let x0 = simd.load(&rows[0].0);
             let x1 = simd.mul_sub_from(b01, x0, simd.load(&rows[1].0));
@@ -258,14 +258,14 @@ pub fn factor<S: Simd, const N: usize>(simd: S, front: &mut [[Quad; N]], right: 
         }
         let (known, right) = right.split_at_mut(first);
         let [r0, r1, r2, r3, ..] = right else { unreachable!("a block has four rows") };
-        let loss = simd.store(weighted(simd, &front[block][..first], known));
+        let loss = simd.store(weighted(simd, &rest[..first], known));
         let x0 = *r0 - loss[0];
         let x1 = *r1 - loss[1] - d.below[0][1] * x0;
         let x2 = *r2 - loss[2] - d.below[0][2] * x0 - d.below[1][2] * x1;
         let x3 = *r3 - loss[3] - d.below[0][3] * x0 - d.below[1][3] * x1 - d.below[2][3] * x2;
         (*r0, *r1, *r2, *r3) = (x0 * d.scale[0], x1 * d.scale[1], x2 * d.scale[2], x3 * d.scale[3]);
         for (i, scale) in d.scale.into_iter().enumerate() {
-            front[block][first + i].0[i] = scale;
+            rest[first + i].0[i] = scale;
         }
     }
     Ok(())

@@ -12,7 +12,7 @@
 use std::ops::Range;
 
 use super::factor::SolveError;
-use super::kernel::{STAGE_SIZES, groups};
+use super::kernel::{MAX_STAGE_SIZE, groups};
 use crate::simd::{LANES, Quad, Simd};
 
 /// Stages that are linearised together.
@@ -37,7 +37,7 @@ pub struct Shape {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Columns {
     pub shape: Shape,
-    /// The compiled size a stage runs in, and its groups.
+    /// The unknowns of a stage, rounded up to whole groups, and these groups.
     pub padded_stage: usize,
     pub stage_groups: usize,
     /// Groups of the shared unknowns.
@@ -53,8 +53,10 @@ pub(super) struct Columns {
 impl Columns {
     pub(super) fn of(shape: Shape) -> Result<Self, SolveError> {
         let stage = shape.stage;
-        let padded_stage =
-            STAGE_SIZES.into_iter().find(|&size| size >= stage).ok_or(SolveError::StageTooLarge { stage })?;
+        if stage > MAX_STAGE_SIZE {
+            return Err(SolveError::StageTooLarge { stage });
+        }
+        let padded_stage = stage.next_multiple_of(LANES);
         Ok(Columns {
             shape,
             padded_stage,

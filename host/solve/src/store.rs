@@ -127,7 +127,7 @@ impl<'a> StoreMut<'a> {
 
     /// Keeps a factored front `[U | Y | Z]` and y. All of it belongs to one stage.
     #[inline(always)]
-    pub(super) fn keep<const N: usize>(&mut self, front: &[[Quad; N]], right: &[f64; N]) {
+    pub(super) fn keep(&mut self, front: &[Quad], right: &[f64]) {
         match self {
             StoreMut::Double(to) => keep(front, right, to),
             StoreMut::Single(to) => keep(front, right, to),
@@ -142,22 +142,24 @@ pub(super) const fn triangle(n: usize) -> usize {
 }
 
 #[inline(always)]
-fn keep<T: Kept, const N: usize>(front: &[[Quad; N]], right: &[f64; N], to: &mut [[T; LANES]]) {
-    let (own, behind) = (N / LANES, front.len() - N / LANES);
-    let (u, rest) = to.split_at_mut(triangle(N));
-    let (rows, y) = rest.split_at_mut(N * behind);
+fn keep<T: Kept>(front: &[Quad], right: &[f64], to: &mut [[T; LANES]]) {
+    let n = right.len();
+    let own = n / LANES;
+    let behind = front.len() / n - own;
+    let (u, rest) = to.split_at_mut(triangle(n));
+    let (rows, y) = rest.split_at_mut(n * behind);
     let mut first = 0;
-    for i in 0..N {
+    for i in 0..n {
         let groups = i / LANES..own;
         let row = &mut u[first..first + groups.len()];
         first += groups.len();
-        for (to, from) in row.iter_mut().zip(&front[groups]) {
-            *to = T::keep(from[i].0);
+        for (to, from) in row.iter_mut().zip(front[groups.start * n + i..].iter().step_by(n)) {
+            *to = T::keep(from.0);
         }
     }
     for (i, row) in rows.chunks_exact_mut(behind).enumerate() {
-        for (to, from) in row.iter_mut().zip(&front[own..]) {
-            *to = T::keep(from[i].0);
+        for (to, from) in row.iter_mut().zip(front[own * n + i..].iter().step_by(n)) {
+            *to = T::keep(from.0);
         }
     }
     for (to, from) in y.iter_mut().zip(right.as_chunks::<LANES>().0) {

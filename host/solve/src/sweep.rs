@@ -176,16 +176,16 @@ impl Sweep {
 
     /// Starts the next stage, and adds the transition of `slot` to it and to the stage at the front: the source sees wΦ, the successor −w.
     #[inline(always)]
-    fn add_transition<S: Simd, const N: usize>(&mut self, simd: S, slot: usize, at_front: Front) {
+    fn add_transition<S: Simd>(&mut self, simd: S, slot: usize, at_front: Front) {
         let Sweep { columns, front, next, border, batch, .. } = self;
         let stage = &batch[slot];
-        let own = columns.stage_groups;
-        next.values[..N * own].fill(Quad::default());
-        next.values[2 * N * own..].fill(Quad::default());
+        let (n, own) = (columns.padded_stage, columns.stage_groups);
+        next.values[..n * own].fill(Quad::default());
+        next.values[2 * n * own..].fill(Quad::default());
         next.right.fill(0.0);
         next.diagonal.fill(0.0);
         if !stage.linked {
-            front.values[N * own..2 * N * own].fill(Quad::default());
+            front.values[n * own..2 * n * own].fill(Quad::default());
             return;
         }
         let panel = &stage.transition;
@@ -193,26 +193,25 @@ impl Sweep {
             Front::Source => (&mut *front, &mut *next),
             Front::Successor => (&mut *next, &mut *front),
         };
-        let groups = panel.values.as_chunks::<N>().0;
-        let (states, shared) = groups.split_at(own);
-        let mut sums = Sums { values: &mut source.values, rows: N };
-        for (i, left) in states.iter().enumerate() {
-            kernel::products::<S, N, false>(simd, left, &states[i..], &mut sums, (i, i));
-            kernel::products::<S, N, false>(simd, left, shared, &mut sums, (i, 2 * own));
+        let (states, shared) = panel.values.split_at(own * n);
+        let mut sums = Sums { values: &mut source.values, rows: n };
+        for (i, left) in states.chunks_exact(n).enumerate() {
+            kernel::products::<S, false>(simd, left, &states[i * n..], &mut sums, (i, i));
+            kernel::products::<S, false>(simd, left, shared, &mut sums, (i, 2 * own));
         }
         let mut sums = Sums { values: &mut border.values, rows: columns.border_groups * LANES };
-        for (i, left) in shared.iter().enumerate() {
-            kernel::products::<S, N, false>(simd, left, &shared[i..], &mut sums, (i, i));
+        for (i, left) in shared.chunks_exact(n).enumerate() {
+            kernel::products::<S, false>(simd, left, &shared[i * n..], &mut sums, (i, i));
         }
         Self::add_residuals(simd, panel, source, border);
         // The successor: w² on the diagonal, −w times the whitened rest of its rows.
-        for i in 0..N {
+        for i in 0..n {
             let w = stage.weight[i / LANES].0[i % LANES];
-            successor.values[i / LANES * N + i].0[i % LANES] += w * w;
+            successor.values[i / LANES * n + i].0[i % LANES] += w * w;
             successor.right[i] -= w * panel.residuals[i];
         }
-        let blocks = successor.values[2 * own * N..].as_chunks_mut::<N>().0;
-        for (to, from) in blocks.iter_mut().zip(shared) {
+        let blocks = successor.values[2 * own * n..].chunks_exact_mut(n);
+        for (to, from) in blocks.zip(shared.chunks_exact(n)) {
             for (i, (to, from)) in to.iter_mut().zip(from).enumerate() {
                 let w = simd.splat(stage.weight[i / LANES].0[i % LANES]);
                 to.0 = simd.store(simd.mul_sub_from(w, simd.load(&from.0), simd.load(&to.0)));
@@ -220,24 +219,24 @@ impl Sweep {
         }
         if self.damping > 0.0 {
             Self::add_diagonal(panel, &mut source.diagonal);
-            for i in 0..N {
+            for i in 0..n {
                 successor.diagonal[i] += stage.weight[i / LANES].0[i % LANES].powi(2);
             }
         }
         // E = ∂/∂(front) ∂/∂(next) of ½ (wΦ x − w x')²
-        let coupling = front.values[own * N..].as_chunks_mut::<N>().0;
+        let coupling = &mut front.values[own * n..];
         for i in 0..own {
             for j in 0..own {
                 let mut block = [simd.splat(0.0); LANES];
                 for (r, row) in block.iter_mut().enumerate() {
                     let w = simd.splat(-stage.weight[i].0[r]);
-                    *row = simd.mul(simd.load(&states[j][i * LANES + r].0), w);
+                    *row = simd.mul(simd.load(&states[j * n + i * LANES + r].0), w);
                 }
                 let (block, i, j) = match at_front {
                     Front::Successor => (block, i, j),
                     Front::Source => (simd.transpose(block), j, i),
                 };
-                for (to, row) in coupling[j][i * LANES..].iter_mut().zip(block) {
+                for (to, row) in coupling[j * n + i * LANES..].iter_mut().zip(block) {
                     to.0 = simd.store(row);
                 }
             }
@@ -246,38 +245,37 @@ impl Sweep {
 
     /// Eliminates the stage at the front into the next one, which takes its place; keeps U and `[Y | Z y]`.
     #[inline(always)]
-    fn eliminate<S: Simd, const N: usize>(&mut self, simd: S, mut kept: StoreMut<'_>) -> Result<(), Pivot> {
+    fn eliminate<S: Simd>(&mut self, simd: S, mut kept: StoreMut<'_>) -> Result<(), Pivot> {
         let Sweep { columns, front, next, border, .. } = self;
-        let own = columns.stage_groups;
-        for i in 0..N {
-            let pivot = &mut front.values[i / LANES * N + i].0[i % LANES];
+        let (n, own) = (columns.padded_stage, columns.stage_groups);
+        for i in 0..n {
+            let pivot = &mut front.values[i / LANES * n + i].0[i % LANES];
             if i >= columns.shape.stage {
                 *pivot = 1.0;
             } else if self.damping > 0.0 {
                 *pivot += self.damping * front.diagonal[i];
             }
         }
-        let groups = front.values.as_chunks_mut::<N>().0;
-        let Some(right) = front.right.first_chunk_mut::<N>() else { unreachable!("a block is {N} rows high") };
-        kernel::factor::<S, N>(simd, groups, right)?;
-        let (neighbour, shared) = groups[own..].split_at(own);
-        let mut sums = Sums { values: &mut next.values, rows: N };
-        for (i, left) in neighbour.iter().enumerate() {
-            kernel::products::<S, N, true>(simd, left, &neighbour[i..], &mut sums, (i, i));
-            kernel::products::<S, N, true>(simd, left, shared, &mut sums, (i, 2 * own));
+        let right = &mut front.right;
+        kernel::factor(simd, &mut front.values, right)?;
+        let (neighbour, shared) = front.values[own * n..].split_at(own * n);
+        let mut sums = Sums { values: &mut next.values, rows: n };
+        for (i, left) in neighbour.chunks_exact(n).enumerate() {
+            kernel::products::<S, true>(simd, left, &neighbour[i * n..], &mut sums, (i, i));
+            kernel::products::<S, true>(simd, left, shared, &mut sums, (i, 2 * own));
         }
-        for (group, to) in neighbour.iter().zip(next.right.as_chunks_mut().0) {
+        for (group, to) in neighbour.chunks_exact(n).zip(next.right.as_chunks_mut().0) {
             kernel::add_weighted::<S, true>(simd, group, right, to);
         }
         let mut sums = Sums { values: &mut border.values, rows: columns.border_groups * LANES };
-        for (i, left) in shared.iter().enumerate() {
-            kernel::products::<S, N, true>(simd, left, &shared[i..], &mut sums, (i, i));
+        for (i, left) in shared.chunks_exact(n).enumerate() {
+            kernel::products::<S, true>(simd, left, &shared[i * n..], &mut sums, (i, i));
         }
-        for (group, to) in shared.iter().zip(border.gradient.as_chunks_mut().0) {
+        for (group, to) in shared.chunks_exact(n).zip(border.gradient.as_chunks_mut().0) {
             kernel::add_weighted::<S, true>(simd, group, right, to);
         }
         border.squares -= right.iter().map(|y| y * y).sum::<f64>();
-        kept.keep(groups, right);
+        kept.keep(&front.values, right);
         std::mem::swap(&mut self.front, &mut self.next);
         Ok(())
     }
@@ -357,21 +355,6 @@ impl Work for Turn<'_> {
 
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) -> Self::Output {
-        macro_rules! dispatch {
-            ($($size:literal)*) => {
-                match self.sweep.columns.padded_stage {
-                    $($size => self.sized::<S, $size>(simd),)*
-                    other => unreachable!("stage size {other} is not among STAGE_SIZES"),
-                }
-            };
-        }
-        dispatch!(4 12 16 24 36)
-    }
-}
-
-impl Turn<'_> {
-    #[inline(always)]
-    fn sized<S: Simd, const N: usize>(self, simd: S) -> Result<(), (usize, Pivot)> {
         let Turn { sweep, mut kept, direction } = self;
         let size = sweep.columns.kept();
         let eliminated = kept.groups() / size;
@@ -388,9 +371,9 @@ impl Turn<'_> {
             if at_front == Front::Source {
                 sweep.add_rows(simd, slot);
             }
-            sweep.add_transition::<S, N>(simd, slot, at_front);
+            sweep.add_transition(simd, slot, at_front);
             let kept = kept.part(slot * size..(slot + 1) * size);
-            sweep.eliminate::<S, N>(simd, kept).map_err(|pivot| (slot, pivot))?;
+            sweep.eliminate(simd, kept).map_err(|pivot| (slot, pivot))?;
             if at_front == Front::Successor {
                 sweep.add_rows(simd, slot);
             }

@@ -125,9 +125,9 @@ impl Session {
         !self.from_host.is_empty() || self.ticks <= self.delivered_tick + ANSWER_TICKS
     }
 
-    /// Whether any stall is on: its length is told in device time, which must not wait for the host then.
-    pub fn in_stall(&self) -> bool {
-        self.stalled(|_| true)
+    /// Whether the host is not heard because of a stall: its length is told in device time, which must not wait for the host then.
+    pub fn is_deaf(&self) -> bool {
+        self.stalled(|fault| matches!(fault, Fault::StallIn { .. }))
     }
 
     /// The host is gone; the next one speaks for itself.

@@ -204,7 +204,7 @@ fn run(mut session: Session, mut pty: Pty, pace: Pace, stop: &AtomicBool) -> Res
             }
             continue;
         }
-        let follows = pace != Pace::Real && session.was_heard() && !session.in_stall();
+        let follows = pace != Pace::Real && session.was_heard() && !session.is_deaf();
         if !follows || session.host_keeps_up() {
             waiting_since = None;
         }
