@@ -77,7 +77,7 @@ impl Trial {
         }
     }
 
-    fn known(&self) -> Known<'_> {
+    pub(super) fn known(&self) -> Known<'_> {
         Known {
             value: Box::new(|name| self.value(name).map(|value| value.estimate)),
             rotations: self.rotations.clone(),
@@ -103,7 +103,7 @@ pub struct JointState {
 
 /// The samples, the noise and what the motion does not determine: all that trials of models have in common.
 pub struct Bench<'a> {
-    robot: &'a Robot,
+    pub(super) robot: &'a Robot,
     series: Series,
     noise: Noise,
     layout: Layout,
@@ -111,7 +111,7 @@ pub struct Bench<'a> {
     /// What the motion does not determine of the base model, in the unknowns of its border.
     weak: Vec<Vec<f64>>,
     base_unknowns: usize,
-    settings: Settings,
+    pub(super) settings: Settings,
 }
 
 impl<'a> Bench<'a> {
@@ -180,7 +180,7 @@ impl<'a> Bench<'a> {
         constant * self.robot.input.scale * self.series.input(k)[joint]
     }
 
-    fn problem<'m>(&'m self, model: &'m Model) -> Problem<'m> {
+    pub(super) fn problem<'m>(&'m self, model: &'m Model) -> Problem<'m> {
         let assumptions = extension::assumptions(model.laws(), self.preset);
         let assumed = Noise::assumed(self.robot, model, &self.series, &assumptions);
         let mut problem = Problem::new(model, self.robot, &self.series, assumptions);
@@ -193,13 +193,7 @@ impl<'a> Bench<'a> {
         let mut problem = self.problem(&model);
         let start = extension::warm_start(&problem, self.robot, &self.series, from, &self.settings);
         problem.shift_readings(&start.z);
-        let structural = observability::structural(&model, self.robot, problem.border());
-        let added = model.coordinates().len() - self.base_unknowns;
-        let weak = self.weak.iter().map(|direction| {
-            let (base, rest) = direction.split_at(self.base_unknowns);
-            base.iter().copied().chain(std::iter::repeat_n(0.0, added)).chain(rest.iter().copied()).collect()
-        });
-        let held: Vec<Vec<f64>> = structural.into_iter().map(|held| held.direction).chain(weak).collect();
+        let held = self.held(&model, &problem);
         let settings = Settings { max_iterations: iterations, ..self.settings.clone() };
         let solution = levenberg::minimise(&problem, start, &held, &settings, |_, _| {})?;
         let border = Border::new(&solution.information, &solution.gradient, &held);
@@ -214,6 +208,26 @@ impl<'a> Bench<'a> {
             states: point.states,
             layout: model.layout().clone(),
         })
+    }
+
+    /// The problem of `model` at the end of a trial with the same laws, and what is held there.
+    pub(super) fn at<'m>(&'m self, model: &'m Model, trial: &Trial) -> (Problem<'m>, Point<'m>, Vec<Vec<f64>>) {
+        let mut problem = self.problem(model);
+        let point = extension::warm_start(&problem, self.robot, &self.series, &trial.known(), &self.settings);
+        problem.shift_readings(&point.z);
+        let held = self.held(model, &problem);
+        (problem, point, held)
+    }
+
+    /// Directions of the border that no search on this bench moves along.
+    fn held(&self, model: &Model, problem: &Problem<'_>) -> Vec<Vec<f64>> {
+        let structural = observability::structural(model, self.robot, problem.border());
+        let added = model.coordinates().len() - self.base_unknowns;
+        let weak = self.weak.iter().map(|direction| {
+            let (base, rest) = direction.split_at(self.base_unknowns);
+            base.iter().copied().chain(std::iter::repeat_n(0.0, added)).chain(rest.iter().copied()).collect()
+        });
+        structural.into_iter().map(|held| held.direction).chain(weak).collect()
     }
 
     fn weak_directions(&self, base: &Trial) -> Result<Vec<Vec<f64>>, CalibrateError> {

@@ -175,7 +175,7 @@ pub(super) fn warm_start<'m>(
 }
 
 /// The shared unknowns of another model: what it did not have starts where the model says.
-fn shared(model: &Model, robot: &Robot, series: &Series, from: &Known<'_>) -> Shared {
+pub(super) fn shared(model: &Model, robot: &Robot, series: &Series, from: &Known<'_>) -> Shared {
     let start = start::shared(model, robot, series);
     let coordinates = model.coordinates();
     let mut physical = coordinates.to_physical(&start.z);

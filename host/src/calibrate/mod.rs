@@ -26,6 +26,7 @@ mod problem;
 mod reml;
 mod result;
 mod row;
+mod scores;
 mod search;
 mod series;
 mod start;
@@ -44,6 +45,7 @@ pub use problem::Problem;
 pub use result::{
     Calibration, ChannelFit, ChannelNoise, Correlation, Covariance, ParameterEstimate, RecordingUsed, Seconds, Status,
 };
+pub use scores::Scores;
 pub use series::Series;
 
 use crate::recording::Recording;

@@ -382,15 +382,20 @@ impl<'m> Problem<'m> {
         self.sensor_rows(point, k, scratch, false, &mut |row| sum += (row.weight * row.residual).powi(2));
         self.initial_rows(point, k, &mut |row| sum += row.residual * row.residual);
         if self.linked(k) {
-            let Scratch { stepper, next, late_input, .. } = scratch;
-            let duration_s = self.series.duration_s(k);
-            let input = self.input(point, k, late_input);
-            stepper.step(&point.dynamics, point.state(k), input, duration_s, next);
+            let next = self.next(point, k, scratch);
             for ((next, after), weight) in next.iter().zip(point.state(k + 1)).zip(&self.process_weight) {
                 sum += (weight * (next - after)).powi(2);
             }
         }
         sum
+    }
+
+    /// Where the model carries the state of stage k.
+    pub(super) fn next<'a>(&self, point: &Point<'m>, k: usize, scratch: &'a mut Scratch) -> &'a [f64] {
+        let Scratch { stepper, next, late_input, .. } = scratch;
+        let input = self.input(point, k, late_input);
+        stepper.step(&point.dynamics, point.state(k), input, self.series.duration_s(k), next);
+        next
     }
 
     /// Whether stage k is carried into stage k+1.
