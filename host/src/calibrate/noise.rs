@@ -83,14 +83,14 @@ impl Noise {
             channels: series.channels.iter().map(|channel| LEAST_SHARE * channel.sigma).collect(),
             process: squares.into_iter().map(|square| (square / count).sqrt()).collect(),
         };
-        floor.join_positions(layout, period_s / count);
+        floor.join_positions(layout, period_s / count, LEAST_SPEED);
         floor
     }
 
-    /// Speeds no better known than [`LEAST_SPEED`], positions no better than their speeds allow.
-    pub(super) fn join_positions(&mut self, layout: &Layout, period_s: f64) {
+    /// Speeds no better known than `least_speed`, positions no better than their speeds allow.
+    pub(crate) fn join_positions(&mut self, layout: &Layout, period_s: f64, least_speed: f64) {
         let mut join = |position: usize, speed: usize| {
-            self.process[speed] = self.process[speed].max(LEAST_SPEED);
+            self.process[speed] = self.process[speed].max(least_speed);
             let least = POSITION_PER_SPEED * period_s * self.process[speed];
             self.process[position] = self.process[position].max(least);
         };
@@ -101,14 +101,14 @@ impl Noise {
             join(layout.theta(i), layout.thetad(i));
         }
         for sigma in &mut self.process {
-            *sigma = sigma.max(LEAST_SPEED * POSITION_PER_SPEED * period_s);
+            *sigma = sigma.max(least_speed * POSITION_PER_SPEED * period_s);
         }
     }
 }
 
 /// No step of a speed is taken for more exact than this, rad/s or m/s: a robot at rest has no integration error at all, and weights
 /// above 1e9 would leave nothing of the sensors' digits.
-const LEAST_SPEED: f64 = 1e-6;
+pub(super) const LEAST_SPEED: f64 = 1e-6;
 
 /// A value for every state component.
 fn by_component(model: &Model, noise: ProcessNoise) -> Vec<f64> {

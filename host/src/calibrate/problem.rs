@@ -398,6 +398,12 @@ impl<'m> Problem<'m> {
         next
     }
 
+    /// ẋ at a state x within the step from stage k on.
+    pub(super) fn rates(&self, point: &Point<'m>, k: usize, x: &[f64], scratch: &mut Scratch, xdot: &mut [f64]) {
+        let input = self.input(point, k, &mut scratch.late_input);
+        point.dynamics.derivative(x, input, xdot);
+    }
+
     /// Whether stage k is carried into stage k+1.
     pub(super) fn linked(&self, k: usize) -> bool {
         !self.series.duration_s(k).is_nan()

@@ -15,7 +15,7 @@ use std::ops::Range;
 
 use nalgebra::{DMatrix, DVector};
 
-use super::noise::Noise;
+use super::noise::{LEAST_SPEED, Noise};
 use super::point::Point;
 use super::problem::Problem;
 use solve::columns::{self, Entries, ExtraColumns};
@@ -294,7 +294,7 @@ pub(super) fn estimate<'m>(
             gain += slope[g] * (next[g] / present[g]).ln();
         }
         let mut noise = Noise { channels: next[..channels].to_vec(), process: next[channels..].to_vec() };
-        noise.join_positions(problem.model.layout(), period_s);
+        noise.join_positions(problem.model.layout(), period_s, LEAST_SPEED);
         tracing::debug!(rounds, gain, ?noise, "restricted maximum likelihood");
         problem.set_noise(noise);
         if gain < LEAST_GAIN || rounds == MOST_ROUNDS {

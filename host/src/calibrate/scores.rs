@@ -4,8 +4,8 @@
 //!   column of coordinate c   C_c = [r(law at its start, c moved by δ) − r(law at its start)] / δ     along the states of the trial
 //!   a law that is not nothing at its start has one more                r(law at its start) − r(trial)
 //! ```
-//! Differences of residuals need nothing of a law but that it can be asked, so that every kind of law has columns by the same few lines. States
-//! that a law brings (a Maxwell branch, a flexible base) are carried along with those of the trial: they answer to what the robot is known to
+//! Differences of residuals need nothing of a law but that it can be asked, so that every kind of law has columns by the same few lines. What a
+//! law changes of a step is what it changes of the accelerations in the middle of it. States that a law brings (a Maxwell branch, a flexible base) are carried along with those of the trial: they answer to what the robot is known to
 //! have done. `solve::columns` then eliminates all states and shared unknowns from all columns at once.
 
 use std::ops::Range;
@@ -19,6 +19,7 @@ use super::problem::{Problem, Scratch};
 use super::{CalibrateError, extension, start};
 use crate::model::law::Law;
 use crate::model::{Layout, Model};
+use crate::robot::Side;
 use solve::border::Border;
 use solve::columns::{Entries, ExtraColumns, eliminate};
 use solve::factor::Factor;
@@ -96,6 +97,10 @@ struct Asked<'m> {
     moved: Vec<Point<'m>>,
     /// Whether the law changes anything where it starts.
     is_something: bool,
+    /// Whether what it changes of a step is seen by whole steps only.
+    by_steps: bool,
+    /// Whether it changes readings.
+    sees: bool,
     /// Of each component of the trial's state, where it stands in that of this model.
     places: Vec<usize>,
 }
@@ -123,10 +128,22 @@ impl<'m> Asked<'m> {
         });
         let moved = moved.collect();
         // A law whose coordinates all start at nothing is nothing there; others may be.
-        let own = extended.laws().last().map(|law| law.parameters().coordinates.iter().any(|c| c.start != 0.0));
-        let has_none = extended.coordinates().len() == first;
-        let is_something = has_none || own.unwrap_or(false);
-        Asked { problem, at_start, moved, is_something, places }
+        let law = &extended.laws()[trial.laws.len()];
+        let coordinates = &law.parameters().coordinates;
+        let gyros = || bench.robot().gyros().enumerate().map(|(gyro, _)| gyro);
+        let sees_gyro = gyros().any(|gyro| law.sees_gyro(gyro) || law.gyro_lag(gyro).is_some());
+        let sees_position = (0..base.layout().joints())
+            .any(|joint| [Side::Motor, Side::Link].into_iter().any(|side| law.sees_position(side, joint)));
+        let moves_bodies = extended.layout().chain() != base.layout().chain();
+        Asked {
+            is_something: coordinates.is_empty() || coordinates.iter().any(|c| c.start != 0.0),
+            by_steps: law.euler(),
+            sees: sees_gyro || sees_position || moves_bodies,
+            problem,
+            at_start,
+            moved,
+            places,
+        }
     }
 
     fn count(&self) -> usize {
@@ -183,36 +200,57 @@ struct AllColumns<'a, 'm> {
 struct Room {
     base: Scratch,
     of_each: Vec<Scratch>,
-    /// The trial's rows by channel, and its rows of the transition.
+    /// The trial's rows by channel.
     rows: Vec<Option<RowAt>>,
-    trial: Residuals,
-    start: Residuals,
-    moved: Residuals,
+    trial: Prediction,
+    start: Prediction,
+    moved: Prediction,
 }
 
-/// Whitened residuals of one stage: of channels (zero where there is no reading), and of the trial's components of the transition.
+/// What a model predicts of one stage.
 #[derive(Debug, Clone, Default)]
-struct Residuals {
+struct Prediction {
+    /// Whitened residuals of channels, zero where there is no reading.
     channels: Vec<f64>,
-    transition: Vec<f64>,
+    /// How the trial's components of the state change over the step; empty where the chain breaks.
+    change: Vec<f64>,
+    middle: Vec<f64>,
+    rates: Vec<f64>,
 }
 
-impl Residuals {
-    fn fill(&mut self, problem: &Problem<'_>, point: &Point<'_>, k: usize, places: &[usize], scratch: &mut Scratch) {
-        self.channels.clear();
-        self.channels.resize(problem.series.channels.len(), 0.0);
-        problem.sensor_rows(point, k, scratch, false, &mut |row| {
-            if let Some(channel) = row.channel {
-                self.channels[channel] = row.weight * row.residual;
-            }
-        });
-        self.transition.clear();
-        if problem.linked(k) {
-            let after = point.state(k + 1);
-            let next = problem.next(point, k, scratch);
-            let residuals = places.iter().map(|&i| problem.process_weight[i] * (next[i] - after[i]));
-            self.transition.extend(residuals);
+impl Prediction {
+    fn fill(
+        &mut self,
+        (problem, point, places): (&Problem<'_>, &Point<'_>, &[usize]),
+        k: usize,
+        (by_steps, sees): (bool, bool),
+        scratch: &mut Scratch,
+    ) {
+        if sees {
+            self.channels.clear();
+            self.channels.resize(problem.series.channels.len(), 0.0);
+            problem.sensor_rows(point, k, scratch, false, &mut |row| {
+                if let Some(channel) = row.channel {
+                    self.channels[channel] = row.weight * row.residual;
+                }
+            });
         }
+        self.change.clear();
+        if !problem.linked(k) {
+            return;
+        }
+        let before = point.state(k);
+        if by_steps {
+            let next = problem.next(point, k, scratch);
+            self.change.extend(places.iter().map(|&i| next[i] - before[i]));
+            return;
+        }
+        self.middle.clear();
+        self.middle.extend(before.iter().zip(point.state(k + 1)).map(|(a, b)| 0.5 * (a + b)));
+        self.rates.resize(before.len(), 0.0);
+        problem.rates(point, k, &self.middle, scratch, &mut self.rates);
+        let duration_s = problem.series.duration_s(k);
+        self.change.extend(places.iter().map(|&i| duration_s * self.rates[i]));
     }
 }
 
@@ -224,9 +262,9 @@ impl ExtraColumns<Problem<'_>> for AllColumns<'_, '_> {
             base: self.base.scratch(),
             of_each: self.asked.iter().map(|(_, asked)| asked.problem.scratch()).collect(),
             rows: Vec::new(),
-            trial: Residuals::default(),
-            start: Residuals::default(),
-            moved: Residuals::default(),
+            trial: Prediction::default(),
+            start: Prediction::default(),
+            moved: Prediction::default(),
         }
     }
 
@@ -234,57 +272,78 @@ impl ExtraColumns<Problem<'_>> for AllColumns<'_, '_> {
         self.count
     }
 
-    fn fill(
-        &self,
-        point: &Point<'_>,
-        first: usize,
-        room: &mut Room,
-        stages: &[Stage],
-        entries: &mut [Entries],
-    ) {
-        let all: Vec<usize> = (0..self.base.model.layout().size()).collect();
+    fn fill(&self, point: &Point<'_>, first: usize, room: &mut Room, stages: &[Stage], entries: &mut [Entries]) {
+        let layout = self.base.model.layout();
+        let all: Vec<usize> = (0..layout.size()).collect();
+        let speed_of = layout.speed_of();
         for (k, (_, entries)) in (first..).zip(stages.iter().zip(entries)) {
             let Room { base, of_each, rows, trial, start, moved } = &mut *room;
-            rows.clear();
-            rows.resize(self.base.series.channels.len(), None);
-            let mut counts = [0usize; 3];
-            self.base.row_channels(point, k, base, |kind, channel| {
-                let at = counts[kind];
-                counts[kind] += 1;
-                if let Some(channel) = channel {
-                    rows[channel] = Some(match kind {
-                        0 => RowAt::Unit(at),
-                        1 => RowAt::Sensor(at),
-                        _ => RowAt::Other(at),
-                    });
-                }
-            });
-            trial.fill(self.base, point, k, &all, base);
+            self.rows_by_channel(point, k, base, rows);
+            let half_s = 0.5 * self.base.series.duration_s(k);
+            let whole = (self.base, point, &all[..]);
+            trial.fill(whole, k, (false, true), base);
             for ((column, asked), scratch) in self.asked.iter().zip(of_each) {
                 let mut column = *column;
-                start.fill(&asked.problem, &asked.at_start, k, &asked.places, scratch);
-                let mut add = |from: &Residuals, to: &Residuals, by: f64| {
-                    for (channel, row) in rows.iter().enumerate() {
+                let how = (asked.by_steps, asked.sees);
+                let mut add = |from: &Prediction, to: &Prediction, by: f64| {
+                    for (channel, row) in rows.iter().enumerate().filter(|_| asked.sees) {
                         let difference = to.channels[channel] - from.channels[channel];
                         if let (Some(row), true) = (row, difference != 0.0) {
                             entries.add(*row, column, difference / by);
                         }
                     }
-                    for (i, (to, from)) in to.transition.iter().zip(&from.transition).enumerate() {
-                        if to != from {
-                            entries.add(RowAt::Transition(i), column, (to - from) / by);
+                    let difference = |i: usize| to.change[i] - from.change[i];
+                    for i in 0..to.change.len() {
+                        // A push that lasts for the step moves the position too.
+                        let pushed = speed_of[i]
+                            .map_or(0.0, |speed| if asked.by_steps { 0.0 } else { half_s * difference(speed) });
+                        let moved_by = difference(i) + pushed;
+                        if moved_by != 0.0 {
+                            let weight = self.base.process_weight[i];
+                            entries.add(RowAt::Transition(i), column, weight * moved_by / by);
                         }
                     }
                     column += 1;
                 };
+                let is_trial = !asked.is_something && asked.places.len() == asked.at_start.dynamics.size();
+                if asked.by_steps {
+                    trial.fill(whole, k, (true, true), base);
+                }
+                if !is_trial {
+                    start.fill((&asked.problem, &asked.at_start, &asked.places), k, how, scratch);
+                }
                 if asked.is_something {
                     add(trial, start, 1.0);
                 }
+                let from = if is_trial { &*trial } else { &*start };
                 for point in &asked.moved {
-                    moved.fill(&asked.problem, point, k, &asked.places, scratch);
-                    add(start, moved, MOVED_BY);
+                    moved.fill((&asked.problem, point, &asked.places), k, how, scratch);
+                    add(from, moved, MOVED_BY);
+                }
+                if asked.by_steps {
+                    trial.fill(whole, k, (false, true), base);
                 }
             }
         }
+    }
+}
+
+impl AllColumns<'_, '_> {
+    /// The trial's row of every channel that has a reading at stage k.
+    fn rows_by_channel(&self, point: &Point<'_>, k: usize, scratch: &mut Scratch, rows: &mut Vec<Option<RowAt>>) {
+        rows.clear();
+        rows.resize(self.base.series.channels.len(), None);
+        let mut counts = [0usize; 3];
+        self.base.row_channels(point, k, scratch, |kind, channel| {
+            let at = counts[kind];
+            counts[kind] += 1;
+            if let Some(channel) = channel {
+                rows[channel] = Some(match kind {
+                    0 => RowAt::Unit(at),
+                    1 => RowAt::Sensor(at),
+                    _ => RowAt::Other(at),
+                });
+            }
+        });
     }
 }

@@ -14,6 +14,7 @@ mod bootstrap;
 mod candidate;
 mod gain;
 mod result;
+pub mod scan;
 mod search;
 mod shapeless;
 mod significance;
@@ -25,6 +26,7 @@ pub use result::{
     Candidate, ChannelGain, Defect, Diagnosis, Finding, NotTestable, Picture, Rival, Unexplained, Verdict,
 };
 pub use search::LEVEL;
+pub use yardstick::yardstick;
 
 use crate::calibrate::{Bench, CalibrateError, Preset, extend, fit};
 use crate::effect::{Effect, EffectError};
@@ -86,7 +88,7 @@ pub fn diagnose(
     step("calibrating the base model");
     let base = fit(robot, &[fitted], Preset::Default, &options.settings, |_, _| {})?;
     let series = &base.series;
-    let noise = yardstick::yardstick(robot, series);
+    let noise = yardstick(robot, series);
     let bench = |samples: usize| {
         let part = series.excerpt(samples, WINDOWS).unwrap_or_else(|| series.clone());
         let settings =

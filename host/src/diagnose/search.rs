@@ -1,8 +1,8 @@
 //! The search for causes: scan, refit, hold against curves without a shape, accept, drop, and again.
 //!
 //! ```text
-//!   current model ─▶ scan (every law, a step or two) ─▶ refit the best and what looks like it ─▶ best law ┐
-//!         ▲                                             refit curves on every place ────────▶ best curve ─┤
+//!   current model ─▶ scan (every law, one score) ─▶ refit the best and what looks like it ─▶ best law ┐
+//!         ▲          scan of curves on every place ─▶ refit the best ─────────────────────▶ best curve ─┤
 //!         │                                                                                               ▼
 //!         └── drop or swap what it makes superfluous ◀── accepted where the law explains ≥ 80 % of the curve's part
 //!                                                        else: a cause without a name
@@ -11,22 +11,21 @@
 use std::sync::Arc;
 
 use super::candidate::{Candidate, Curves, PLACES, Place};
-use super::significance::{p_of_family, p_of_score};
+use super::scan::{Scan, Score};
+use super::significance::p_of_score;
 use crate::calibrate::{Bench, CalibrateError, Trial};
 use crate::effect::{CATALOGUE, Effect};
-use crate::model::law::Law;
+use crate::model::law::{Law, Of};
 
 /// Share of noise in which anything is found at all.
 pub const LEVEL: f64 = 0.01;
 /// Most causes.
 const MOST_FINDINGS: usize = 4;
-/// Iterations of a scan, from laws that start at nothing and from others.
-const SCAN_ITERATIONS: [usize; 2] = [1, 3];
 /// Laws that are refitted, besides what looks like the best.
 const REFITS: usize = 4;
-const REFIT_ITERATIONS: usize = 6;
-/// Curves are linear in their coefficients: one iteration shows which are worth more.
-const CURVE_ITERATIONS: [usize; 2] = [1, 3];
+const REFIT_ITERATIONS: usize = 8;
+/// Curves are linear in their coefficients.
+const CURVE_ITERATIONS: usize = 3;
 const CURVES_REFITTED: usize = 2;
 /// Iterations of a model that stays.
 const FINAL_ITERATIONS: usize = 25;
@@ -138,7 +137,6 @@ pub fn search(
     candidates: &[Candidate],
     step: &dyn Fn(&str),
 ) -> Result<Search, CalibrateError> {
-    let tests: usize = candidates.iter().map(|candidate| candidate.alternatives.len()).sum();
     let mut found = Search {
         accepted: Vec::new(),
         trial: base.clone(),
@@ -150,22 +148,19 @@ pub fn search(
     let mut on_few = few_base.clone();
     loop {
         step("scanning the catalogue");
-        let mut scanned = scan(few, &found.accepted, &on_few, candidates, tests);
+        let (mut scanned, family) = scan(few, &found.accepted, &on_few, candidates)?;
         scanned.sort_by(|a, b| b.score.total_cmp(&a.score));
         if found.accepted.is_empty() {
-            found.first_scan = scanned.iter().map(|s| Scanned { trial: None, ..s.clone() }).collect();
+            found.first_scan = scanned.clone();
         }
         note("scan", scanned.iter().take(12));
         step("refitting the best");
-        let mut refitted = refit(bench, &found, scanned, tests);
+        let mut refitted = refit(bench, &found, scanned, &family);
         let samples = bench.series().stages();
         refitted.sort_by(|a, b| worth(b, samples).total_cmp(&worth(a, samples)));
         note("refit", refitted.iter());
         step("holding them against curves");
-        let mut curves = curves(few, &on_few, CURVE_ITERATIONS[0], &PLACES);
-        curves.sort_by(|a, b| b.score.total_cmp(&a.score));
-        let places: Vec<Place> = curves.iter().take(CURVES_REFITTED).map(|curve| curve.curves.place).collect();
-        let mut curves = self::curves(bench, &found.trial, CURVE_ITERATIONS[1], &places);
+        let mut curves = curves(few, &on_few, (bench, &found.trial))?;
         curves.sort_by(|a, b| b.score.total_cmp(&a.score));
         if found.accepted.is_empty() {
             found.first_curves = curves.clone();
@@ -203,39 +198,61 @@ fn worth(scanned: &Scanned, samples: usize) -> f64 {
     scanned.score - scanned.freedom as f64 * (samples.max(2) as f64).ln()
 }
 
+/// The best alternative of every candidate that is not in yet, and the scan that they come from.
 fn scan(
     bench: &Bench<'_>,
     accepted: &[Accepted],
     current: &Trial,
     candidates: &[Candidate],
-    tests: usize,
-) -> Vec<Scanned> {
+) -> Result<(Vec<Scanned>, Scan), CalibrateError> {
     let is_in = |effect: &Effect| accepted.iter().any(|accepted| accepted.named.effect.id == effect.id);
     let others = candidates.iter().filter(|candidate| !is_in(candidate.effect));
-    others
-        .filter_map(|candidate| {
-            let tried = candidate.alternatives.iter().map(|law| {
-                let named = Named { effect: candidate.effect, law: law.clone() };
-                let from_nothing = law.parameters().coordinates.iter().all(|c| c.start == 0.0);
-                let iterations = SCAN_ITERATIONS[usize::from(!from_nothing)];
-                try_on_top(bench, (accepted, current), named, current, iterations, tests)
-            });
-            tried.max_by(|a, b| a.score.total_cmp(&b.score))
-        })
-        .collect()
+    let named: Vec<Named> = others
+        .flat_map(|candidate| candidate.alternatives.iter().map(|law| (candidate.effect, law)))
+        .map(|(effect, law)| Named { effect, law: law.clone() })
+        .collect();
+    let laws: Vec<Arc<dyn Law>> = named.iter().map(|named| named.law.clone()).collect();
+    let scan = Scan::of(&bench.scores(current, &laws)?);
+    let mut best: Vec<Scanned> = Vec::new();
+    for (named, score) in named.into_iter().zip(&scan.scores) {
+        let scanned = Scanned {
+            score: score.as_ref().map_or(0.0, |score| score.score),
+            freedom: score.as_ref().map_or(0, |score| score.freedom),
+            p_family: score.as_ref().map_or(1.0, |score| scan.p_of_family(score.p)),
+            axes: score.as_ref().map_or_else(Vec::new, |score| axes_of_score(&named, score)),
+            vif: score.as_ref().map(|score| score.vif),
+            trial: None,
+            named,
+        };
+        match best.last_mut().filter(|last| last.named.effect.id == scanned.named.effect.id) {
+            Some(last) if last.score >= scanned.score => {}
+            Some(last) => *last = scanned,
+            None => best.push(scanned),
+        }
+    }
+    Ok((best, scan))
+}
+
+/// The joints (1-based) in whose coordinates a score shows.
+fn axes_of_score(named: &Named, score: &Score) -> Vec<usize> {
+    let coordinates = &named.law.parameters().coordinates;
+    let first = score.z.len() - coordinates.len();
+    let mut axes: Vec<usize> = coordinates
+        .iter()
+        .zip(&score.z[first..])
+        .filter(|(_, z)| z.abs() > 3.0)
+        .filter_map(|(coordinate, _)| if let Of::Joint(joint) = coordinate.of { Some(joint + 1) } else { None })
+        .collect();
+    axes.sort_unstable();
+    axes.dedup();
+    axes
 }
 
 /// Fits a law together with what has been accepted.
-fn try_on_top(
-    bench: &Bench<'_>,
-    (accepted, current): (&[Accepted], &Trial),
-    named: Named,
-    from: &Trial,
-    iterations: usize,
-    tests: usize,
-) -> Scanned {
+fn try_on_top(bench: &Bench<'_>, found: &Search, named: Named, family: &Scan) -> Scanned {
+    let (accepted, current) = (&found.accepted, &found.trial);
     let all = accepted.iter().map(|accepted| &accepted.named).chain([&named]);
-    let trial = bench.fit(&laws(all), from, iterations).ok().filter(|trial| trial.cost.is_finite());
+    let trial = bench.fit(&laws(all), current, REFIT_ITERATIONS).ok().filter(|trial| trial.cost.is_finite());
     let score = trial.as_ref().map_or(0.0, |trial| 2.0 * (current.cost - trial.cost)).max(0.0);
     let freedom = named.law.parameters().coordinates.len().max(1);
     let (mut joints, mut vif) = (Vec::new(), None);
@@ -244,12 +261,12 @@ fn try_on_top(
         let own = trial.values.iter().filter(|value| is_of(named.effect, &value.name));
         vif = own.map(|value| value.vif).filter(|vif| vif.is_finite()).reduce(f64::max);
     }
-    let p_family = p_of_family(p_of_score(score, freedom), tests);
+    let p_family = family.p_of_family(p_of_score(score, freedom));
     Scanned { p_family, named, trial, score, freedom, axes: joints, vif }
 }
 
-/// Refits the best of a scan and what the best may be taken for, each from where the scan left it.
-fn refit(bench: &Bench<'_>, found: &Search, scanned: Vec<Scanned>, tests: usize) -> Vec<Scanned> {
+/// Refits the best of a scan and what the best may be taken for.
+fn refit(bench: &Bench<'_>, found: &Search, scanned: Vec<Scanned>, family: &Scan) -> Vec<Scanned> {
     let Some(best) = scanned.first().filter(|best| best.p_family < LEVEL).map(|best| best.named.effect) else {
         return Vec::new();
     };
@@ -260,29 +277,36 @@ fn refit(bench: &Bench<'_>, found: &Search, scanned: Vec<Scanned>, tests: usize)
         .into_iter()
         .enumerate()
         .filter(|(place, s)| s.p_family < LEVEL && wanted(*place, s))
-        .map(|(_, s)| match &s.trial {
-            Some(trial) => {
-                let from = found.trial.with_values(trial);
-                try_on_top(bench, (&found.accepted, &found.trial), s.named.clone(), &from, REFIT_ITERATIONS, tests)
-            }
-            None => s,
-        })
+        .map(|(_, s)| try_on_top(bench, found, s.named, family))
         .collect()
 }
 
-/// Curves on some places, on top of a model.
-fn curves(bench: &Bench<'_>, current: &Trial, iterations: usize, places: &[Place]) -> Vec<CurveFit> {
+/// The best curves: places by a scan of few samples, refitted on the samples that decide.
+fn curves(
+    few: &Bench<'_>,
+    on_few: &Trial,
+    (bench, current): (&Bench<'_>, &Trial),
+) -> Result<Vec<CurveFit>, CalibrateError> {
+    let laws: Vec<Arc<dyn Law>> = PLACES.iter().map(|place| place.curves(few, on_few).law).collect();
+    let scan = Scan::of(&few.scores(on_few, &laws)?);
+    let worth = |score: &Score| score.score - 2.0 * score.freedom as f64;
+    let mut places: Vec<(Place, f64)> = PLACES
+        .into_iter()
+        .zip(&scan.scores)
+        .filter_map(|(place, score)| Some((place, worth(score.as_ref()?))))
+        .collect();
+    places.sort_by(|a, b| b.1.total_cmp(&a.1));
     let fit = |place: &Place| {
         let curves = place.curves(bench, current);
         let freedom = curves.law.parameters().coordinates.len();
         let mut laws = current.laws.clone();
         laws.push(curves.law.clone());
-        let trial = bench.fit(&laws, current, iterations).ok().filter(|trial| trial.cost.is_finite())?;
+        let trial = bench.fit(&laws, current, CURVE_ITERATIONS).ok().filter(|trial| trial.cost.is_finite())?;
         let gained = 2.0 * (current.cost - trial.cost);
-        let p_family = p_of_family(p_of_score(gained, freedom), PLACES.len());
+        let p_family = scan.p_of_family(p_of_score(gained, freedom));
         Some(CurveFit { curves, trial, score: gained - 2.0 * freedom as f64, p_family })
     };
-    places.iter().filter_map(fit).collect()
+    Ok(places.iter().take(CURVES_REFITTED).filter_map(|(place, _)| fit(place)).collect())
 }
 
 fn accept(bench: &Bench<'_>, found: &mut Search, best: Scanned, refitted: &[Scanned]) -> Result<(), CalibrateError> {

@@ -11,8 +11,8 @@ pub fn p_of_score(score: f64, freedom: usize) -> f64 {
 }
 
 /// Share of noise in which the least of so many p-values is at most `p` (Šidák: exact for independent tests, and too careful for others).
-pub fn p_of_family(p: f64, tests: usize) -> f64 {
-    -(tests as f64 * (-p).ln_1p()).exp_m1()
+pub fn p_of_family(p: f64, tests: f64) -> f64 {
+    -(tests * (-p).ln_1p()).exp_m1()
 }
 
 #[cfg(test)]
@@ -31,8 +31,8 @@ mod tests {
 
     #[test]
     fn the_family_is_as_strict_as_its_number() {
-        assert!((p_of_family(0.01, 1) - 0.01).abs() < 1e-15);
-        assert!((p_of_family(1e-4, 60) - 0.005_982).abs() < 1e-6);
-        assert!((p_of_family(1e-30, 60) - 6e-29).abs() < 1e-35);
+        assert!((p_of_family(0.01, 1.0) - 0.01).abs() < 1e-15);
+        assert!((p_of_family(1e-4, 60.0) - 0.005_982).abs() < 1e-6);
+        assert!((p_of_family(1e-30, 60.0) - 6e-29).abs() < 1e-35);
     }
 }

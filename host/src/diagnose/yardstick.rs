@@ -2,8 +2,8 @@
 //!
 //! A process noise that is estimated on the base model swallows the effect: χ² per degree of freedom becomes 1 and nothing is left to explain.
 //! So the sensors' noise is what they show while the robot rests, or what the robot file says where that is more (a resting encoder repeats one
-//! count), and a step of the model may be wrong by what its integration misses and a little that no robot is below. The same weights then judge
-//! the base model and every extended one.
+//! count), and a step of the model may be wrong by a little that no robot is below. The same weights then judge the base model and every
+//! extended one. Looser ones would make scores too small: what is not the model's would pass for noise.
 
 use crate::calibrate::{Noise, Preset, Series};
 use crate::model::Model;
@@ -12,9 +12,16 @@ use crate::robot::Robot;
 /// Fewest readings at rest that tell a deviation.
 const FEWEST: usize = 200;
 
+/// What a step of the model may miss of a speed over 1 ms, rad/s or m/s: an acceleration of 0.01 rad/s² that comes and goes.
+const STEP_OF_SPEED: f64 = 1e-5;
+
 /// The noise that the robot file and the preset tell, with that of the sensors as the rest windows of `series` show it.
 pub fn yardstick(robot: &Robot, series: &Series) -> Noise {
-    let mut noise = Noise::assumed(robot, &Model::new(robot), series, &Preset::Default.assumptions());
+    let model = Model::new(robot);
+    let mut noise = Noise::assumed(robot, &model, series, &Preset::Default.assumptions());
+    noise.process.fill(0.0);
+    let speed = STEP_OF_SPEED * (series.period_s / 1e-3).sqrt();
+    noise.join_positions(model.layout(), series.period_s, speed);
     for (channel, sigma) in noise.channels.iter_mut().enumerate() {
         for rest in &series.rest {
             let readings: Vec<f64> =

@@ -1,0 +1,133 @@
+//! The score scan: every law of the catalogue on top of the current model, from one factorisation (Rao's score test).
+//!
+//! With the columns' information K and gradient s (states and shared unknowns eliminated) a law of columns j would gain `s_jᵀ K_jj⁻¹ s_j`, twice
+//! the log-likelihood, if residuals were linear in it. Without an effect s is a draw from N(0, K): draws tell how large the best of a whole
+//! catalogue of related laws becomes by chance, exactly for the frozen noise (Westfall and Young 1993: the least p of all).
+
+use std::ops::Range;
+
+use nalgebra::{DMatrix, DVector};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+
+use super::significance::{p_of_family, p_of_score};
+use crate::calibrate::Scores;
+
+/// Directions of a law that keep less than this share of their information beside the shared unknowns cannot be seen.
+const LEAST_SHARE: f64 = 1e-6;
+/// Draws of a whole catalogue, and their seed.
+const DRAWS: usize = 2_000;
+const SEED: u64 = 1;
+
+/// What the scan says of one law.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Score {
+    /// Twice the log-likelihood that it would gain.
+    pub score: f64,
+    /// Directions that the motion shows.
+    pub freedom: usize,
+    /// χ²'s share of noise.
+    pub p: f64,
+    /// The largest variance inflation of its columns by the shared unknowns.
+    pub vif: f64,
+    /// Estimate over standard error along each column: its coordinates', behind that of a law that is not nothing at its start.
+    pub z: Vec<f64>,
+    whitening: DMatrix<f64>,
+    columns: Range<usize>,
+}
+
+/// A scan of many laws.
+#[derive(Debug, Clone)]
+pub struct Scan {
+    /// Of each law; none where it has no column that this motion shows.
+    pub scores: Vec<Option<Score>>,
+    /// The least p of the catalogue in every draw, sorted.
+    least: Vec<f64>,
+}
+
+impl Scan {
+    /// The scan of `scores`.
+    pub fn of(scores: &Scores) -> Self {
+        let laws: Vec<Option<Score>> = scores.columns.iter().map(|columns| score(scores, columns.clone()?)).collect();
+        let least = draws(scores, &laws);
+        Scan { scores: laws, least }
+    }
+
+    /// Share of noise in which the least p of the whole catalogue is at most `p`. Beyond the draws it goes on as for independent tests.
+    pub fn p_of_family(&self, p: f64) -> f64 {
+        let at_most = self.least.partition_point(|least| *least <= p);
+        if at_most >= 20 || self.least.is_empty() {
+            return at_most as f64 / self.least.len().max(1) as f64;
+        }
+        // As many independent tests as have the same p where there are twenty draws.
+        let anchor = self.least[20.min(self.least.len()) - 1];
+        let share = 20.0_f64.min(self.least.len() as f64) / self.least.len() as f64;
+        let tests = (-share).ln_1p() / (-anchor).ln_1p();
+        p_of_family(p, tests)
+    }
+}
+
+fn score(scores: &Scores, columns: Range<usize>) -> Option<Score> {
+    let whitening = whitening(scores, columns.clone())?;
+    let freedom = whitening.ncols();
+    let white = whitening.transpose() * scores.gradient.rows(columns.start, columns.len());
+    let score = white.norm_squared();
+    let (step, z) = (&whitening * &white, |i: usize| whitening.row(i).norm());
+    let z = (0..columns.len()).map(|i| if z(i) > 0.0 { step[i] / z(i) } else { 0.0 }).collect();
+    let vif = columns.clone().map(|j| scores.alone[j] / scores.information[(j, j)]).fold(1.0, f64::max);
+    Some(Score { score, freedom, p: p_of_score(score, freedom), vif, z, whitening, columns })
+}
+
+/// W with `Wᵀ K_jj W = 1` over the directions that can be seen.
+fn whitening(scores: &Scores, columns: Range<usize>) -> Option<DMatrix<f64>> {
+    let n = columns.len();
+    // By the size of each column, so that units do not matter; a column that is nothing at all stays zero.
+    let scale = DVector::from_fn(n, |i, _| {
+        let alone = scores.alone[columns.start + i];
+        if alone > 0.0 && alone.is_finite() { 1.0 / alone.sqrt() } else { 0.0 }
+    });
+    let information =
+        DMatrix::from_fn(n, n, |i, j| scale[i] * scale[j] * scores.information[(columns.start + i, columns.start + j)]);
+    let eigen = information.symmetric_eigen();
+    let seen: Vec<usize> = (0..n).filter(|&i| eigen.eigenvalues[i] > LEAST_SHARE).collect();
+    if seen.is_empty() {
+        return None;
+    }
+    Some(DMatrix::from_fn(n, seen.len(), |i, j| {
+        scale[i] * eigen.eigenvectors[(i, seen[j])] / eigen.eigenvalues[seen[j]].sqrt()
+    }))
+}
+
+/// The least p of all laws in draws from N(0, K).
+fn draws(scores: &Scores, laws: &[Option<Score>]) -> Vec<f64> {
+    let all = scores.gradient.len();
+    let Some(root) = root(scores) else { return Vec::new() };
+    let mut rng = ChaCha8Rng::seed_from_u64(SEED);
+    let mut least: Vec<f64> = (0..DRAWS)
+        .map(|_| {
+            let white = DVector::from_fn(root.ncols(), |_, _| StandardNormal.sample(&mut rng));
+            let gradient = &root * white;
+            debug_assert_eq!(gradient.len(), all);
+            let p = |law: &Score| {
+                let part = gradient.rows(law.columns.start, law.columns.len());
+                p_of_score((law.whitening.transpose() * part).norm_squared(), law.freedom)
+            };
+            laws.iter().flatten().map(p).fold(1.0, f64::min)
+        })
+        .collect();
+    least.sort_by(f64::total_cmp);
+    least
+}
+
+/// R with `R Rᵀ = K`.
+fn root(scores: &Scores) -> Option<DMatrix<f64>> {
+    let n = scores.gradient.len();
+    if n == 0 {
+        return None;
+    }
+    let scale = DVector::from_fn(n, |i, _| scores.alone[i].max(0.0).sqrt());
+    let inverse = |i: usize| if scale[i] > 0.0 { 1.0 / scale[i] } else { 0.0 };
+    let eigen = DMatrix::from_fn(n, n, |i, j| inverse(i) * inverse(j) * scores.information[(i, j)]).symmetric_eigen();
+    Some(DMatrix::from_fn(n, n, |i, j| scale[i] * eigen.eigenvectors[(i, j)] * eigen.eigenvalues[j].max(0.0).sqrt()))
+}
