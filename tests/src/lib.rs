@@ -1,8 +1,10 @@
-//! The study of how often intervals hold the truth, and helpers of the stories: the `host` binary run as a process, scratch folders, the folder of independent recordings.
+//! The studies of how often intervals hold the truth and how often hidden effects are found, and helpers of the stories: the `host` binary run as a process, scratch folders, the folder of independent recordings.
 #![forbid(unsafe_code)]
 
 pub mod coverage;
+pub mod hidden;
 pub mod machine;
+mod study;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};

@@ -7,6 +7,8 @@
 
 use std::time::{Duration, Instant};
 
+use super::bench::Trial;
+use super::extension::Known;
 use super::noise::Noise;
 use super::outliers::Screened;
 use super::point::Point;
@@ -17,6 +19,7 @@ use super::result::{Calibration, Seconds, Status};
 use super::search::{self, Found};
 use super::series::Series;
 use super::{CalibrateError, check, extension, marginal, observability, start, summary};
+use crate::effect::Effect;
 use crate::model::{Layout, Model};
 use crate::recording::Recording;
 use crate::robot::Robot;
@@ -101,28 +104,65 @@ pub fn extend<S: AsRef<str>>(
     settings: &Settings,
     progress: impl FnMut(usize, &Iteration),
 ) -> Result<Fit, CalibrateError> {
-    let begin = Instant::now();
-    let preset = from.calibration.preset;
     let effects = extension::effects(ids)?;
     if effects.is_empty() {
         return Ok(from.clone());
     }
-    if preset == Preset::Paper {
-        return Err(CalibrateError::ExtendsThePaper);
+    let extended = Extended { robot, recordings, from, effects, trial: None };
+    extended.fit(settings, progress)
+}
+
+/// [`extend`] by effects that a trial on a [`Bench`](super::Bench) of `from` has fitted already: its laws, from its values.
+///
+/// # Errors
+/// [`CalibrateError`].
+pub fn extend_as<S: AsRef<str>>(
+    robot: &Robot,
+    recordings: &[&Recording],
+    from: &Fit,
+    (ids, trial): (&[S], &Trial),
+    settings: &Settings,
+    progress: impl FnMut(usize, &Iteration),
+) -> Result<Fit, CalibrateError> {
+    let extended = Extended { robot, recordings, from, effects: extension::effects(ids)?, trial: Some(trial) };
+    extended.fit(settings, progress)
+}
+
+/// An extension of a fit.
+struct Extended<'a> {
+    robot: &'a Robot,
+    recordings: &'a [&'a Recording],
+    from: &'a Fit,
+    effects: Vec<&'static Effect>,
+    /// What is known of its laws.
+    trial: Option<&'a Trial>,
+}
+
+impl Extended<'_> {
+    fn fit(&self, settings: &Settings, progress: impl FnMut(usize, &Iteration)) -> Result<Fit, CalibrateError> {
+        let begin = Instant::now();
+        let Extended { robot, recordings, from, .. } = *self;
+        let preset = from.calibration.preset;
+        if preset == Preset::Paper {
+            return Err(CalibrateError::ExtendsThePaper);
+        }
+        check(robot, recordings, preset)?;
+        let screened = Screened::new(Series::of(robot, recordings), preset.assumptions().without_outliers);
+        let series = screened.series();
+        let clock = Instant::now();
+        let (laws, known) = match self.trial {
+            Some(trial) => (trial.laws.clone(), Known { states: &from.states, layout: &from.layout, ..trial.known() }),
+            None => (extension::choose_laws(robot, series, &self.effects, from, settings)?, extension::known(from)),
+        };
+        let model = Model::extended(robot, laws)?;
+        let problem = extension::problem(&model, robot, series, from);
+        let start = extension::warm_start(&problem, robot, series, &known, settings);
+        let method = Method { preset, noise: from.calibration.noise_source };
+        let task = Task { robot, recordings, method, begin, start: clock.elapsed(), settings };
+        let mut fit = task.solve(problem, &screened, start, progress)?;
+        fit.calibration.extensions = self.effects.iter().map(|effect| effect.id.to_string()).collect();
+        Ok(fit)
     }
-    check(robot, recordings, preset)?;
-    let screened = Screened::new(Series::of(robot, recordings), preset.assumptions().without_outliers);
-    let series = screened.series();
-    let clock = Instant::now();
-    let laws = extension::choose_laws(robot, series, &effects, from, settings)?;
-    let model = Model::extended(robot, laws)?;
-    let problem = extension::problem(&model, robot, series, from);
-    let start = extension::warm_start(&problem, robot, series, &extension::known(from), settings);
-    let method = Method { preset, noise: from.calibration.noise_source };
-    let task = Task { robot, recordings, method, begin, start: clock.elapsed(), settings };
-    let mut fit = task.solve(problem, &screened, start, progress)?;
-    fit.calibration.extensions = effects.iter().map(|effect| effect.id.to_string()).collect();
-    Ok(fit)
 }
 
 /// What a search is about, and when it began.

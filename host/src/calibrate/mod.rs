@@ -36,7 +36,7 @@ mod tests;
 mod wide;
 
 pub use bench::{Bench, JointState, Trial, TrialValue};
-pub use fit::{Fit, calibrate, extend, fit};
+pub use fit::{Fit, calibrate, extend, extend_as, fit};
 pub use noise::Noise;
 pub use observability::{Unobservable, comparable_truth};
 pub use point::{BorderLayout, Point};

@@ -28,7 +28,7 @@ pub use result::{
 pub use search::LEVEL;
 pub use yardstick::yardstick;
 
-use crate::calibrate::{Bench, CalibrateError, Preset, extend, fit};
+use crate::calibrate::{Bench, CalibrateError, Preset, extend_as, fit};
 use crate::effect::{Effect, EffectError};
 use crate::recording::Recording;
 use crate::robot::Robot;
@@ -104,7 +104,7 @@ pub fn diagnose(
     let extended = if ids.is_empty() {
         base.clone()
     } else {
-        extend(robot, &[fitted], &base, &ids, &options.settings, |_, _| {})?
+        extend_as(robot, &[fitted], &base, (&ids, &found.trial), &options.settings, |_, _| {})?
     };
     step("measuring the gain");
     let gain = if ids.is_empty() { Vec::new() } else { gain::gain(&base.calibration, &extended.calibration, unseen)? };

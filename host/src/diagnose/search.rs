@@ -168,7 +168,8 @@ pub fn search(
         for c in &curves {
             tracing::debug!(place = ?c.curves.place, score = c.score, p = c.p_family, "curve");
         }
-        let best = refitted.first().filter(|best| best.p_family < LEVEL).cloned();
+        // A law has to earn its parameters besides: what the null of the draws does not hold, a clock that jitters, gains a little too.
+        let best = refitted.first().filter(|best| best.p_family < LEVEL && worth(best, samples) > 0.0).cloned();
         let rival = curves.first().filter(|curve| curve.p_family < LEVEL);
         let holds = |best: &Scanned| rival.is_none_or(|curve| best.score >= NAMED_SHARE * curve.score);
         match best {

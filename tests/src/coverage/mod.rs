@@ -9,10 +9,7 @@
 mod bands;
 mod table;
 
-use std::io::Write;
 use std::path::Path;
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 use host::calibrate::{Calibration, Preset, calibrate, comparable_truth};
 use host::robot::Robot;
@@ -144,39 +141,15 @@ pub fn study(
     workers: usize,
     progress: impl Fn(u64) + Sync,
 ) -> std::io::Result<Vec<Outcome>> {
-    let text = match std::fs::read_to_string(file) {
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => String::new(),
-        text => text?,
-    };
-    let wanted = first..first + count;
-    let mut outcomes: Vec<Outcome> = text.lines().filter_map(|line| serde_json::from_str(line).ok()).collect();
-    outcomes.retain(|outcome| outcome.process_noise == process_noise && wanted.contains(&outcome.seed));
-    let mut out = std::fs::OpenOptions::new().create(true).append(true).open(file)?;
-    if !text.is_empty() && !text.ends_with('\n') {
-        out.write_all(b"\n")?;
-    }
-    let missing: Vec<u64> = wanted.filter(|seed| !outcomes.iter().any(|outcome| outcome.seed == *seed)).collect();
-    let next = AtomicU64::new(0);
-    let shared = Mutex::new((out, outcomes, Ok(())));
-    std::thread::scope(|scope| {
-        for _ in 0..workers.max(1) {
-            scope.spawn(|| {
-                while let Some(&seed) = missing.get(next.fetch_add(1, Relaxed) as usize) {
-                    let outcome = outcome(seed, process_noise, 1);
-                    let line = serde_json::to_string(&outcome).expect("numbers and names are JSON") + "\n";
-                    let mut shared = shared.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
-                    let (out, outcomes, written) = &mut *shared;
-                    if written.is_ok() {
-                        *written = out.write_all(line.as_bytes());
-                    }
-                    outcomes.push(outcome);
-                    progress(outcomes.len() as u64);
-                }
-            });
-        }
-    });
-    let (_, mut outcomes, written) = shared.into_inner().unwrap_or_else(|poisoned| poisoned.into_inner());
-    written?;
+    let seeds: Vec<u64> = (first..first + count).collect();
+    let mut outcomes = crate::study::resume(
+        file,
+        &seeds,
+        |seed, outcome: &Outcome| outcome.seed == *seed && outcome.process_noise == process_noise,
+        workers,
+        |seed| outcome(*seed, process_noise, 1),
+        progress,
+    )?;
     outcomes.sort_by_key(|outcome| outcome.seed);
     Ok(outcomes)
 }

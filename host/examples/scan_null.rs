@@ -1,0 +1,61 @@
+//! Are the p-values of the diagnosis' scan what they say? Robots with nothing hidden, every law of the catalogue from every start.
+//!
+//! ```sh
+//! cargo run --release -p host --example scan_null -- 30      # thirty robots: the table of the README
+//! ```
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use host::calibrate::{Bench, Preset, fit};
+use host::diagnose::scan::Scan;
+use host::diagnose::yardstick;
+use host::effect::CATALOGUE;
+use host::model::law::Law;
+use host::robot::Robot;
+use host::simulate::{Direct, Options, SHORT_MOTION};
+use solve::levenberg::Settings;
+
+/// The first of the seeds.
+const FIRST: u64 = 101;
+/// Samples looked at, and windows of the recording that they come from: as the diagnosis does.
+const SAMPLES: usize = 4_000;
+const WINDOWS: usize = 8;
+/// Where the distribution is told.
+const LEVELS: [f64; 5] = [0.01, 0.05, 0.1, 0.5, 0.9];
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let robots: u64 = std::env::args().nth(1).map_or(Ok(30), |text| text.parse())?;
+    let robot = Robot::builtin("doggy")?;
+    let laws: Vec<Arc<dyn Law>> = CATALOGUE.iter().filter_map(|effect| effect.laws(&robot).ok()).flatten().collect();
+    let (mut all, mut families) = (Vec::new(), Vec::new());
+    for seed in FIRST..FIRST + robots {
+        let simulated = Direct::record(&Options { seed, ..Options::new(robot.clone()) }, SHORT_MOTION)?;
+        let base = fit(&robot, &[&simulated.recording], Preset::Default, &Settings::default(), |_, _| {})?;
+        let noise = yardstick(&robot, &base.series);
+        let part = base.series.excerpt(SAMPLES, WINDOWS).unwrap_or_else(|| base.series.clone());
+        let (bench, trial) = Bench::new(&robot, part, &base, noise, Settings::default())?;
+        let clock = Instant::now();
+        let scores = bench.scores(&trial, &laws)?;
+        let seconds = clock.elapsed().as_secs_f64();
+        let scan = Scan::of(&scores);
+        let p: Vec<f64> = scan.scores.iter().flatten().map(|score| score.p).collect();
+        let family = scan.p_of_family(p.iter().copied().fold(1.0, f64::min));
+        eprintln!(
+            "robot {seed}: {} laws, {} columns of {} samples in {seconds:.1} s; the whole catalogue's p {family:.3}",
+            p.len(),
+            scores.gradient.len(),
+            bench.series().stages()
+        );
+        all.extend(p);
+        families.push(family);
+    }
+    println!("{} p-values of laws, {} of the whole catalogue\n", all.len(), families.len());
+    println!("| p below | {} |", LEVELS.map(|level| level.to_string()).join(" | "));
+    println!("|---|{}", "---|".repeat(LEVELS.len()));
+    for (what, values) in [("share of laws", &all), ("share of catalogues", &families)] {
+        let share = |level: f64| values.iter().filter(|p| **p < level).count() as f64 / values.len() as f64;
+        println!("| {what} | {} |", LEVELS.map(|level| format!("{:.3}", share(level))).join(" | "));
+    }
+    Ok(())
+}

@@ -1,0 +1,65 @@
+//! How often the diagnosis finds what is hidden: the whole catalogue at three sizes, nothing, pairs, and what the catalogue does not hold.
+//!
+//! ```sh
+//! cargo run --release -p tests --bin hidden                                  # one robot a case
+//! cargo run --release -p tests --bin hidden -- --seeds 5 --only medium       # five, of one size only
+//! ```
+//!
+//! Appends a line of JSON a case to a file and leaves out those that it holds already: it may be stopped and started again.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use tests::hidden::{Scoreboard, cases, study};
+
+const USAGE: &str = "hidden [--seeds N] [--first SEED] [--only small|medium|large] [--workers N] [--out FILE.jsonl]";
+
+fn main() -> ExitCode {
+    let (mut seeds, mut first, mut workers) = (1_u64, 1_u64, 2_usize);
+    let mut only: Option<String> = None;
+    let mut out = PathBuf::from("hidden.jsonl");
+    let mut arguments = std::env::args().skip(1);
+    while let Some(name) = arguments.next() {
+        let value = arguments.next().unwrap_or_default();
+        let understood = match name.as_str() {
+            "--seeds" => value.parse().map(|n| seeds = n).is_ok(),
+            "--first" => value.parse().map(|n| first = n).is_ok(),
+            "--workers" => value.parse().map(|n| workers = n).is_ok(),
+            "--only" => {
+                ["small", "medium", "large"].contains(&value.as_str()) && {
+                    only = Some(value.clone());
+                    true
+                }
+            }
+            "--out" => {
+                !value.is_empty() && {
+                    out = PathBuf::from(&value);
+                    true
+                }
+            }
+            _ => false,
+        };
+        if !understood {
+            eprintln!("`{name} {value}` is not understood\nusage: {USAGE}");
+            return ExitCode::from(2);
+        }
+    }
+    let mut cases = cases(first, seeds);
+    cases.retain(|case| only.as_ref().is_none_or(|size| case.size == *size));
+    let of = cases.len();
+    match study(&out, &cases, workers, |done| eprint!("\r{done} of {of}")) {
+        Ok(outcomes) => {
+            eprintln!();
+            let mut seconds: Vec<f64> = outcomes.iter().map(|outcome| outcome.seconds).collect();
+            seconds.sort_by(f64::total_cmp);
+            let median = seconds.get(seconds.len() / 2).copied().unwrap_or(f64::NAN);
+            println!("{} cases, a diagnosis takes {median:.0} s on one thread (median)\n", outcomes.len());
+            print!("{}", Scoreboard::of(&outcomes));
+            ExitCode::SUCCESS
+        }
+        Err(error) => {
+            eprintln!("{}: {error}", out.display());
+            ExitCode::from(3)
+        }
+    }
+}

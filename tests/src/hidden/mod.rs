@@ -1,0 +1,141 @@
+//! Does the diagnosis find what is hidden? Simulated robots, each with parameters of its own and with nothing, one effect or two in it; what the
+//! diagnosis says is compared with what was hidden only after it has spoken.
+//!
+//! ```text
+//! case ─▶ robot (±15 %) with an effect ─▶ short motion ─▶ recording ─▶ diagnose ─▶ one line of JSON ─┐
+//!                                                   the truth, sealed until then ─▶ compared ────────┴▶ Scoreboard
+//! ```
+
+mod scoreboard;
+
+use std::path::Path;
+use std::time::Instant;
+
+use host::diagnose::{self, Diagnosis, Verdict, diagnose};
+use host::effect::{CATALOGUE, Effect, Size};
+use host::robot::Robot;
+use host::simulate::{Direct, EffectChoice, Options, SHORT_MOTION};
+use serde::{Deserialize, Serialize};
+use solve::levenberg::Settings;
+
+pub use scoreboard::{Scoreboard, wilson};
+
+/// What is hidden, and in which robot.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Case {
+    /// Ids of the catalogue.
+    pub effects: Vec<String>,
+    /// `small`, `medium` or `large`.
+    pub size: String,
+    /// Whether the diagnosis does not know these effects.
+    pub is_outsider: bool,
+    /// Decides the robot, the effect's parameters and the sensors' noise.
+    pub seed: u64,
+}
+
+/// What became of a case.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Outcome {
+    /// Which.
+    pub case: Case,
+    /// In one word.
+    pub verdict: Verdict,
+    /// What was named, in that order.
+    pub named: Vec<String>,
+    /// What the motion cannot tell from what was named.
+    pub aliases: Vec<String>,
+    /// Equation and joint of the largest defect that has no name.
+    pub place: Option<(String, Option<usize>)>,
+    /// Parameters of hidden effects that were named: how far the estimates lie from the truth, relative to it.
+    pub errors: Vec<(String, f64)>,
+    /// How long the diagnosis took, s.
+    pub seconds: f64,
+}
+
+/// What the whole study covers: nothing hidden, every effect at three sizes, pairs, and effects that the diagnosis does not know.
+pub fn cases(first: u64, seeds: u64) -> Vec<Case> {
+    let case = |effects: &[&str], size: &str, is_outsider: bool, seed: u64| Case {
+        effects: effects.iter().map(|id| id.to_string()).collect(),
+        size: size.to_string(),
+        is_outsider,
+        seed,
+    };
+    let mut cases = Vec::new();
+    for seed in first..first + seeds {
+        cases.push(case(&[], "medium", false, seed));
+        for size in ["large", "medium", "small"] {
+            cases.extend(CATALOGUE.iter().map(|effect| case(&[effect.id], size, false, seed)));
+        }
+        cases.extend(PAIRS.iter().map(|pair| case(pair, "medium", false, seed)));
+        cases.extend(OUTSIDERS.iter().map(|id| case(&[id], "large", true, seed)));
+    }
+    cases
+}
+
+/// Effects of different equations, and of the same.
+const PAIRS: [[&str; 2]; 6] = [
+    ["base_bearing", "voltage_sag"],
+    ["backlash", "viscous_friction"],
+    ["gravity_residual", "cogging"],
+    ["asymmetric_friction", "input_delay"],
+    ["belt_hardening", "gyro_lag"],
+    ["stribeck", "quadratic_drag"],
+];
+
+/// Effects that curves can show and no other entry of the catalogue is.
+const OUTSIDERS: [&str; 4] = ["cogging", "quadratic_drag", "belt_hardening", "gravity_residual"];
+
+/// Hides, records and diagnoses.
+///
+/// # Panics
+/// If a built-in robot cannot be simulated or diagnosed: then there is nothing to measure.
+pub fn outcome(case: &Case) -> Outcome {
+    let robot = Robot::builtin("doggy").expect("the built-in robot is valid");
+    let mut options = Options { seed: case.seed, ..Options::new(robot.clone()) };
+    for id in &case.effects {
+        let effect = Effect::by_id(id).expect("cases are made of the catalogue");
+        let size = Size::parse(effect.id, &case.size).expect("sizes have names");
+        options.effects.push(EffectChoice { effect, size });
+    }
+    let simulated = Direct::record(&options, SHORT_MOTION).expect("the built-in robot plays the built-in motion");
+    let without = if case.is_outsider { case.effects.clone() } else { Vec::new() };
+    let how = diagnose::Options { without, settings: Settings { threads: 1, ..Settings::default() } };
+    let clock = Instant::now();
+    let found =
+        diagnose(&robot, &simulated.recording, None, &how, &|_| {}).unwrap_or_else(|error| panic!("{case:?}: {error}"));
+    let seconds = clock.elapsed().as_secs_f64();
+    let truth = simulated.effects.iter().flat_map(|effect| &effect.parameters);
+    let truth: Vec<(String, f64)> = truth.map(|value| (value.name.clone(), value.value)).collect();
+    compare(case, &found, &truth, seconds)
+}
+
+fn compare(case: &Case, found: &Diagnosis, truth: &[(String, f64)], seconds: f64) -> Outcome {
+    let estimates = || found.findings.iter().flat_map(|finding| &finding.parameters);
+    let error = |(name, truth): &(String, f64)| {
+        let estimate = estimates().find(|parameter| parameter.name == *name)?.estimate;
+        (*truth != 0.0).then(|| (name.clone(), estimate / truth - 1.0))
+    };
+    let place = found.unexplained.places.first();
+    Outcome {
+        case: case.clone(),
+        verdict: found.verdict,
+        named: found.findings.iter().map(|finding| finding.effect.clone()).collect(),
+        aliases: found.findings.iter().flat_map(|finding| finding.aliases.clone()).collect(),
+        place: place.map(|place| (format!("{:?}", place.row).to_lowercase(), place.axis)),
+        errors: truth.iter().filter_map(error).collect(),
+        seconds,
+    }
+}
+
+/// Makes what `file` does not hold yet of `cases`, as many at once as there are workers; `progress` is told how many are done.
+///
+/// # Errors
+/// If the file cannot be read or written.
+pub fn study(
+    file: &Path,
+    cases: &[Case],
+    workers: usize,
+    progress: impl Fn(u64) + Sync,
+) -> std::io::Result<Vec<Outcome>> {
+    crate::study::resume(file, cases, |case, outcome: &Outcome| outcome.case == *case, workers, outcome, progress)
+}

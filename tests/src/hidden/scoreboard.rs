@@ -1,0 +1,110 @@
+//! Counts of a study of hidden effects, with Wilson's intervals.
+
+use std::fmt;
+
+use host::diagnose::Verdict;
+use host::effect::Effect;
+
+use super::Outcome;
+
+/// The 95 % interval of a share of which `hits` of `n` were seen (Wilson 1927).
+pub fn wilson(hits: usize, n: usize) -> [f64; 2] {
+    if n == 0 {
+        return [0.0, 1.0];
+    }
+    let (z, n) = (1.959_964, n as f64);
+    let share = hits as f64 / n;
+    let middle = (share + z * z / (2.0 * n)) / (1.0 + z * z / n);
+    let half = z / (1.0 + z * z / n) * (share * (1.0 - share) / n + z * z / (4.0 * n * n)).sqrt();
+    [(middle - half).max(0.0), (middle + half).min(1.0)]
+}
+
+/// What a study found, for a README.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Scoreboard {
+    rows: Vec<(String, usize, usize)>,
+    /// What went wrong, a line a case.
+    misses: Vec<String>,
+}
+
+impl Scoreboard {
+    /// Counts.
+    pub fn of(outcomes: &[Outcome]) -> Self {
+        let mut board = Scoreboard { rows: Vec::new(), misses: Vec::new() };
+        let group = |is: &dyn Fn(&Outcome) -> bool| outcomes.iter().filter(|o| is(o)).collect::<Vec<_>>();
+        let nothing = group(&|o| o.case.effects.is_empty());
+        board.row("nothing hidden: nothing found", &nothing, |o| o.verdict == Verdict::None);
+        for size in ["large", "medium", "small"] {
+            let single = group(&|o| o.case.effects.len() == 1 && o.case.size == size && !o.case.is_outsider);
+            board.row(&format!("one {size} effect: named, and nothing else"), &single, |o| o.named == o.case.effects);
+            board.row(&format!("one {size} effect: it or one of its class"), &single, in_class);
+        }
+        let pairs = group(&|o| o.case.effects.len() == 2);
+        board.row("two medium effects: both named", &pairs, |o| o.case.effects.iter().all(|id| o.named.contains(id)));
+        let outsiders = group(&|o| o.case.is_outsider);
+        board.row("an effect that is not in the catalogue: unknown", &outsiders, |o| o.verdict == Verdict::Unknown);
+        board.row("the same: another name given", &outsiders, |o| o.verdict == Verdict::Named);
+        let wrong = |o: &&Outcome| if o.case.is_outsider { !o.named.is_empty() } else { o.named != o.case.effects };
+        board.misses = outcomes.iter().filter(wrong).map(miss).collect();
+        board.misses.sort();
+        board
+    }
+
+    fn row(&mut self, what: &str, outcomes: &[&Outcome], is_hit: impl Fn(&Outcome) -> bool) {
+        self.rows.push((what.to_string(), outcomes.iter().filter(|o| is_hit(o)).count(), outcomes.len()));
+    }
+}
+
+/// Whether what was hidden was named, or something that the catalogue or the motion cannot tell from it.
+fn in_class(outcome: &Outcome) -> bool {
+    let (Some(hidden), Some(named)) = (outcome.case.effects.first(), outcome.named.first()) else { return false };
+    let confounded =
+        |id: &str, with: &str| Effect::by_id(id).is_ok_and(|effect| effect.confounded_with.contains(&with));
+    named == hidden || outcome.aliases.contains(hidden) || confounded(hidden, named) || confounded(named, hidden)
+}
+
+fn miss(outcome: &Outcome) -> String {
+    let case = &outcome.case;
+    let hidden = if case.effects.is_empty() { "nothing".to_string() } else { case.effects.join(" and ") };
+    let of = if case.is_outsider { ", not in the catalogue" } else { "" };
+    let said = if outcome.named.is_empty() { String::new() } else { format!(" ({})", outcome.named.join(", ")) };
+    let verdict = format!("{:?}", outcome.verdict).to_lowercase();
+    format!("{hidden}{of}, {}, seed {}: {verdict}{said}", case.size, case.seed)
+}
+
+impl fmt::Display for Scoreboard {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "| hidden | cases | share | 95 % interval |")?;
+        writeln!(f, "|---|---|---|---|")?;
+        for (what, hits, n) in self.rows.iter().filter(|(_, _, n)| *n > 0) {
+            let [low, high] = wilson(*hits, *n).map(|share| 100.0 * share);
+            let share = 100.0 * *hits as f64 / *n as f64;
+            writeln!(f, "| {what} | {hits} of {n} | {share:.0} % | {low:.0}–{high:.0} % |")?;
+        }
+        if !self.misses.is_empty() {
+            writeln!(f, "\nOther answers than what was hidden:")?;
+            self.misses.iter().try_for_each(|line| writeln!(f, "* {line}"))?;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn intervals_of_shares_are_those_of_tables() {
+        // Newcombe 1998, table I: 81 of 263, 15 of 148, 0 of 20, 1 of 29 (method 3).
+        let table = [
+            (81, 263, [0.2553, 0.3662]),
+            (15, 148, [0.0624, 0.1605]),
+            (0, 20, [0.0, 0.1611]),
+            (1, 29, [0.0061, 0.1718]),
+        ];
+        for (hits, n, [low, high]) in table {
+            let [a, b] = wilson(hits, n);
+            assert!((a - low).abs() < 5e-5 && (b - high).abs() < 5e-5, "{hits} of {n}: {a} {b}");
+        }
+    }
+}
