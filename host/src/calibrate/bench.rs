@@ -66,17 +66,6 @@ impl Trial {
         JointState { q, qd, theta, thetad }
     }
 
-    /// The same states under the shared unknowns of `other`, a trial on other samples.
-    pub fn with_values(&self, other: &Trial) -> Trial {
-        Trial {
-            values: other.values.clone(),
-            rotations: other.rotations.clone(),
-            biases: other.biases.clone(),
-            laws: other.laws.clone(),
-            ..self.clone()
-        }
-    }
-
     pub(super) fn known(&self) -> Known<'_> {
         Known {
             value: Box::new(|name| self.value(name).map(|value| value.estimate)),

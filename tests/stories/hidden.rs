@@ -1,0 +1,62 @@
+//! A seed draws an effect, its size and all true parameters; what was hidden is looked at only after the diagnosis has spoken. The whole
+//! catalogue is the study's business (`cargo run --release -p tests --bin hidden`).
+
+use host::diagnose::Verdict;
+use rand::SeedableRng;
+use rand::seq::SliceRandom;
+use rand_chacha::ChaCha8Rng;
+use tests::hidden::{Case, Outcome, Scoreboard, study};
+
+/// The heart of the catalogue.
+const CORE: [&str; 16] = [
+    "base_bearing",
+    "viscous_friction",
+    "stribeck",
+    "asymmetric_friction",
+    "link_friction",
+    "cogging",
+    "backlash",
+    "belt_hardening",
+    "belt_hysteresis",
+    "gravity_residual",
+    "coriolis",
+    "link_inertia",
+    "voltage_sag",
+    "pwm_dead_zone",
+    "input_delay",
+    "gyro_lag",
+];
+const DRAWN: usize = 4;
+const SEED: u64 = 20;
+
+/// Four effects at two sizes, and a robot without any.
+fn drawn() -> Vec<Case> {
+    let mut effects = CORE;
+    effects.shuffle(&mut ChaCha8Rng::seed_from_u64(SEED));
+    let sizes = ["large", "medium"].iter().cycle();
+    let case =
+        |effects: Vec<String>, size: &str, seed| Case { effects, size: size.to_string(), is_outsider: false, seed };
+    let hidden = effects.iter().zip(sizes).take(DRAWN).zip(SEED..);
+    let hidden = hidden.map(|((effect, size), seed)| case(vec![effect.to_string()], size, seed));
+    hidden.chain([case(Vec::new(), "medium", SEED + 100)]).collect()
+}
+
+#[test]
+fn what_is_hidden_is_found() {
+    let scratch = tempfile::tempdir().unwrap();
+    let outcomes = study(&scratch.path().join("hidden.jsonl"), &drawn(), 2, |_| {}).unwrap();
+    eprintln!("{}", Scoreboard::of(&outcomes));
+    for outcome in &outcomes {
+        eprintln!("{outcome:?}");
+    }
+    assert_eq!(outcomes.len(), DRAWN + 1);
+    for Outcome { case, named, verdict, errors, .. } in &outcomes {
+        assert_eq!(named, &case.effects, "{case:?}");
+        assert_eq!(*verdict, if named.is_empty() { Verdict::None } else { Verdict::Named }, "{case:?}");
+        // 0.2 % of large effects and 4.3 % of medium ones measured.
+        let limit = if case.size == "large" { 0.01 } else { 0.1 };
+        for (name, error) in errors {
+            assert!(error.abs() < limit, "{name} is off by {error}: {case:?}");
+        }
+    }
+}
