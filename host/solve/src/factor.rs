@@ -32,8 +32,8 @@ pub struct Singular {
 /// Why a problem cannot be solved at all.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum SolveError {
-    /// No block of this size is compiled.
-    #[error("a stage has {stage} unknowns, the solver is compiled for at most {MAX_STAGE_SIZE}")]
+    /// A stage is larger than the room that kernels have.
+    #[error("a stage has {stage} unknowns, the solver has room for at most {MAX_STAGE_SIZE}")]
     StageTooLarge {
         /// Unknowns of a stage.
         stage: usize,

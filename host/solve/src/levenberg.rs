@@ -143,7 +143,7 @@ pub fn total_cost<P: LeastSquares>(problem: &P, point: &P::Point, threads: usize
 /// Minimises ½ Σ r² from `start`. `held` are directions of the shared unknowns that no step takes; `progress` is called once an iteration.
 ///
 /// # Errors
-/// A stage too large for the compiled blocks, or one that stays undetermined however strongly its states are damped.
+/// A stage too large for the solver, or one that stays undetermined however strongly its states are damped.
 pub fn minimise<P: LeastSquares>(
     problem: &P,
     start: P::Point,
