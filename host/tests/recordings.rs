@@ -32,7 +32,9 @@ fn table() -> String {
     for k in (0..2000).filter(|k| !(1000..1003).contains(k)) {
         let t = f64::from(k) * 1e-3;
         let u = if k < 500 { 0.0 } else { (3.0 * t).sin() * 0.3 };
-        text += &format!("{},{u},{},{},0.001,-0.002\n", 5_000_000 + k * 1000, t.sin(), t.cos() * 0.01);
+        // A joint that turns as it likes, and a gyro on it with some noise across its axis.
+        let noise = if k % 2 == 0 { 0.001 } else { 0.003 };
+        text += &format!("{},{u},{},{},{noise},{}\n", 5_000_000 + k * 1000, t.sin(), -noise, t.cos() + noise);
     }
     text
 }

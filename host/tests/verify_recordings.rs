@@ -20,7 +20,7 @@ fn recordings() -> Option<PathBuf> {
 }
 
 fn read(folder: &std::path::Path, name: &str) -> Recording {
-    csv::read(&folder.join(name), &Robot::builtin("doggy").unwrap()).unwrap()
+    csv::read(&folder.join(name), &Robot::builtin("doggy").unwrap()).unwrap().recording
 }
 
 /// The true parameters of `clean`, from the README of the recordings.

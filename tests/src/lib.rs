@@ -4,7 +4,7 @@
 pub mod coverage;
 pub mod hidden;
 pub mod machine;
-mod study;
+pub mod study;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -72,6 +72,27 @@ pub fn parameter<'a>(calibration: &'a serde_json::Value, name: &str) -> &'a serd
 /// If there is none.
 pub fn estimate(calibration: &serde_json::Value, name: &str) -> f64 {
     parameter(calibration, name)["estimate"].as_f64().unwrap_or_else(|| panic!("{name} has no estimate"))
+}
+
+/// Whether a parameter belongs to the dynamics: it is no gyro's bias or rotation.
+pub fn is_dynamic(name: &str) -> bool {
+    !name.starts_with("bias") && !name.starts_with("R_imu")
+}
+
+/// Relative errors of all parameters of the dynamics in CAL.json against what the simulator told, by name, the largest last.
+///
+/// # Panics
+/// If one of them has no estimate.
+pub fn shares(calibration: &serde_json::Value, truth: &serde_json::Value) -> Vec<(String, f64)> {
+    let values = truth["truth"].as_array().expect("the simulator told the truth");
+    let mut shares: Vec<(String, f64)> = values
+        .iter()
+        .map(|value| (value["name"].as_str().expect("a name"), value["value"].as_f64().expect("a number")))
+        .filter(|(name, _)| is_dynamic(name))
+        .map(|(name, truth)| (name.to_string(), estimate(calibration, name) / truth - 1.0))
+        .collect();
+    shares.sort_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
+    shares
 }
 
 /// Calibrates a recording with a preset, from the start values of its robot; gives CAL.json.

@@ -2,12 +2,54 @@
 //! again, so that a study may be stopped and started at any time.
 
 use std::io::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;
+
+/// What every study asks for on the command line.
+#[derive(Debug)]
+pub struct Arguments {
+    /// The first seed: `--first`.
+    pub first: u64,
+    /// Cases at once: `--workers`.
+    pub workers: usize,
+    /// The file: `--out`.
+    pub out: PathBuf,
+}
+
+impl Arguments {
+    /// Reads the command line. `out` is the file unless it is given; `take` gets every `--name value` of the study's own, and says
+    /// whether it understands it.
+    ///
+    /// # Errors
+    /// What is wrong, for the user, with `usage`.
+    pub fn read(usage: &str, out: &str, mut take: impl FnMut(&str, &str) -> bool) -> Result<Self, String> {
+        let mut read = Self { first: 1, workers: 2, out: PathBuf::from(out) };
+        let mut arguments = std::env::args().skip(1);
+        while let Some(name) = arguments.next() {
+            let value = arguments.next().unwrap_or_default();
+            if !read.take(&name, &value) && !take(&name, &value) {
+                return Err(format!("`{name} {value}` is not understood\nusage: {usage}"));
+            }
+        }
+        Ok(read)
+    }
+
+    fn take(&mut self, name: &str, value: &str) -> bool {
+        match name {
+            "--first" => value.parse().map(|n| self.first = n).is_ok(),
+            "--workers" => value.parse().map(|n| self.workers = n).is_ok(),
+            "--out" if !value.is_empty() => {
+                self.out = PathBuf::from(value);
+                true
+            }
+            _ => false,
+        }
+    }
+}
 
 /// Makes the outcomes of those `cases` of which `file` holds none, as many at once as there are workers, and gives those of all cases.
 /// A line that was cut off is left as it is and made again. `progress` is told how many are done.

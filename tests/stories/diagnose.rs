@@ -81,7 +81,7 @@ fn of_a_robot_without_an_effect_nothing_is_said() {
     assert_eq!(diag["findings"], Value::Array(Vec::new()));
     let scan = diag["scan"].as_array().unwrap();
     assert!(scan.len() >= 30, "{} candidates", scan.len());
-    // The weights are a little loose, so that p-values are large; under 0.01 would be a false alarm.
+    // Each is the least p of a whole catalogue that is at least so small by chance; under 0.01 would be a false alarm.
     for candidate in scan {
         assert!(candidate["p_value"].as_f64().unwrap() > 0.01, "{candidate}");
     }
@@ -112,6 +112,21 @@ fn viscous_friction_is_named_on_the_right_joints_as_far_as_it_shows() {
     // 0.945 in [0.926, 0.957] measured.
     assert!(low > 0.85 && gained > low && high < 0.99, "{gained} in [{low}, {high}]");
     assert!(finding["explained_excess"].as_f64().unwrap() > 0.95);
+}
+
+#[test]
+fn viscous_friction_that_is_the_same_on_all_joints_is_back_emf_to_any_motion_and_is_told_as_such() {
+    let recorded = Recorded::new(3, &["viscous_friction=2.5"]);
+    assert_eq!([1, 2, 3].map(|joint| recorded.true_value(&format!("viscous_friction.v[{joint}]"))), [2.5; 3]);
+    let (exit, diag, said) = recorded.diagnosed(&[]);
+    assert_eq!((exit, &diag["verdict"]), (0, &Value::from("none")), "{said}");
+    let told = diag["not_testable"].as_array().unwrap().iter().find(|entry| entry["effect"] == "viscous_friction");
+    assert!(told.unwrap()["why"].as_str().unwrap().contains("k_mi"), "{told:?}");
+    // The back-EMF's coefficient has it: off by what is viscous, 2.5 N m s/rad.
+    let values = recorded.truth["truth"].as_array().unwrap();
+    let truth = values.iter().find(|value| value["name"] == "k_mi").unwrap()["value"].as_f64().unwrap();
+    let taken = tests::estimate(&diag["base"], "k_mi") - truth;
+    assert!((taken - 2.5).abs() < 0.05, "k_mi took {taken}");
 }
 
 #[test]

@@ -55,6 +55,8 @@ fn what_is_hidden_is_found() {
         assert_eq!(*verdict, if named.is_empty() { Verdict::None } else { Verdict::Named }, "{case:?}");
         // 0.2 % of large effects and 4.3 % of medium ones measured.
         let limit = if case.size == "large" { 0.01 } else { 0.1 };
+        let worst = errors.iter().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
+        eprintln!("{:?}, {}: worst parameter {worst:?}", case.effects, case.size);
         for (name, error) in errors {
             assert!(error.abs() < limit, "{name} is off by {error}: {case:?}");
         }

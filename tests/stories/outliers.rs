@@ -5,7 +5,7 @@ use std::path::Path;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde_json::Value;
-use tests::{estimate, host_succeeds, json, parameter};
+use tests::{estimate, host_succeeds, is_dynamic, json, parameter};
 
 /// Standard deviation of Doggy's gyros, rad/s.
 const SIGMA: f64 = 1.745e-3;
@@ -63,7 +63,7 @@ fn two_percent_of_nonsense_on_a_gyro_axis_moves_no_parameter() {
     assert!(said.contains(&format!("left out as outliers: {count} readings of gyro2.y")), "{said}");
     for value in told["truth"].as_array().unwrap() {
         let name = value["name"].as_str().unwrap();
-        if name.starts_with("bias") || name.starts_with("R_imu") {
+        if !is_dynamic(name) {
             continue;
         }
         let truth = value["value"].as_f64().unwrap();

@@ -65,8 +65,13 @@ impl Played {
 
     /// Calibrates and checks; no interval may miss the truth, and both say the same of what is not shown. Returns CAL.json.
     fn calibrated(&self, told: &str) -> Value {
+        self.calibrated_with(&[], told)
+    }
+
+    fn calibrated_with(&self, options: &[&str], told: &str) -> Value {
         let (run, cal, check) = (self.file("run.mcap"), self.file("cal.json"), self.file("check.json"));
-        host_succeeds([Path::new("calibrate"), &run, Path::new("-o"), &cal]);
+        let options = options.iter().map(Path::new);
+        host_succeeds([Path::new("calibrate"), &run, Path::new("-o"), &cal].into_iter().chain(options));
         tests::run_host([Path::new("check"), &run, Path::new("-o"), &check]);
         let (cal, check) = (json(&cal), json(&check));
         let findings = check["findings"].as_array().unwrap();
@@ -191,7 +196,12 @@ fn a_second_of_motion_says_little_and_knows_it() {
 fn a_robot_that_never_moves_shows_its_biases_alone() {
     let motion = short(|_, action| matches!(action, Action::Zero { .. }));
     for seed in [10, 11] {
-        let cal = Played::new(&motion, seed).calibrated("never moves");
+        let played = Played::new(&motion, seed);
+        // Whoever records no motion by mistake is told; whoever means it says so.
+        let refused = tests::run_host([Path::new("calibrate"), &played.file("run.mcap")]);
+        assert_eq!(refused.status.code(), Some(4));
+        assert!(String::from_utf8_lossy(&refused.stderr).contains("the input is zero in the whole recording"));
+        let cal = played.calibrated_with(&["--unchecked"], "never moves");
         let parameters = cal["parameters"].as_array().unwrap();
         let shown: Vec<&str> =
             parameters.iter().filter(|p| p["identifiable"] == true).map(|p| p["name"].as_str().unwrap()).collect();

@@ -137,6 +137,22 @@ impl Factor {
         self.middle
     }
 
+    /// [`factorise`](Self::factorise) at a point where a search ended: without damping, or where rounding leaves a stage that only damping
+    /// determines, with as little as is enough.
+    ///
+    /// # Errors
+    /// A stage that a millionth of its diagonal does not determine either.
+    pub fn factorise_somehow<P: LeastSquares>(
+        &mut self,
+        problem: &P,
+        point: &P::Point,
+        threads: usize,
+    ) -> Result<(), Singular> {
+        let weaker = [0.0, 1e-12, 1e-9];
+        let done = weaker.iter().any(|&damping| self.factorise(problem, point, damping, threads).is_ok());
+        if done { Ok(()) } else { self.factorise(problem, point, 1e-6, threads) }
+    }
+
     /// Linearises and eliminates all stages at `point`. `damping` multiplies each stage's own diagonal (0: plain Gauss–Newton).
     ///
     /// # Errors

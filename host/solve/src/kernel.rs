@@ -119,30 +119,6 @@ pub fn strip<S: Simd, const SUBTRACT: bool>(
     }
 }
 
-/// [`strip`] of whole groups: `sums[4·block + r][group + g] ± = Σ_k left[k]_r right[g][k]`; `right` holds groups as long as `left`.
-#[inline(always)]
-pub fn products<S: Simd, const SUBTRACT: bool>(
-    simd: S,
-    left: &[Quad],
-    right: &[Quad],
-    sums: &mut Sums<'_>,
-    (block, group): (usize, usize),
-) {
-    let (n, mut right) = (left.len(), right);
-    let mut at = group * sums.rows + block * LANES;
-    while right.len() >= 2 * n {
-        let (pair, rest) = right.split_at(2 * n);
-        let (first, second) = tile(simd, left, &pair[..n], &pair[n..]);
-        add_to::<S, SUBTRACT>(simd, &mut sums.values[at..], first);
-        add_to::<S, SUBTRACT>(simd, &mut sums.values[at + sums.rows..], second);
-        (right, at) = (rest, at + 2 * sums.rows);
-    }
-    if !right.is_empty() {
-        let sum = narrow_tile(simd, left, right);
-        add_to::<S, SUBTRACT>(simd, &mut sums.values[at..], sum);
-    }
-}
-
 /// `Σ_k group[k] by[k]`.
 #[inline(always)]
 pub fn weighted<S: Simd>(simd: S, group: &[Quad], by: &[f64]) -> S::Vector {

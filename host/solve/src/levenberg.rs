@@ -286,10 +286,7 @@ pub fn minimise<P: LeastSquares>(
 
     if !factor_is_final {
         let clock = Instant::now();
-        factor.factorise(problem, &point, 0.0, settings.threads).or_else(|_| {
-            // A stage that only damping determines: its states keep what little damping they need.
-            factor.factorise(problem, &point, 1e-12, settings.threads)
-        })?;
+        factor.factorise_somehow(problem, &point, settings.threads)?;
         seconds.add(&clock, &factor);
     }
     seconds.total = begin.elapsed().as_secs_f64();

@@ -11,7 +11,7 @@
 //! [`factor`] runs it from both ends inwards on two threads, [`border`] holds what is left for the shared unknowns (the Schur
 //! complement, which is their information matrix), [`levenberg`] iterates, [`kernel`] has the small dense loops. From the finished factor,
 //! [`columns`] eliminates the states from further columns beside the Jacobian, and [`inverse`] has the log-determinant and the blocks of
-//! the inverse. [`simd`] is the vector that the loops are written in.
+//! the inverse. [`simd`] is the vector that the loops are written in, [`threads`] runs two halves at once.
 #![forbid(unsafe_code)]
 
 pub mod border;
@@ -26,7 +26,7 @@ mod store;
 mod sweep;
 #[cfg(test)]
 mod tests;
-mod threads;
+pub mod threads;
 
 pub use problem::{BATCH, LeastSquares, Row, RowAt, Shape, Stage, Step};
 pub use store::Precision;

@@ -193,16 +193,18 @@ impl Sweep {
             Front::Source => (&mut *front, &mut *next),
             Front::Successor => (&mut *next, &mut *front),
         };
-        let (states, shared) = panel.values.split_at(own * n);
+        let rows = Rows { values: &panel.values, capacity: n, count: n };
+        let all = panel.groups();
         let mut sums = Sums { values: &mut source.values, rows: n };
-        for (i, left) in states.chunks_exact(n).enumerate() {
-            kernel::products::<S, false>(simd, left, &states[i * n..], &mut sums, (i, i));
-            kernel::products::<S, false>(simd, left, shared, &mut sums, (i, 2 * own));
+        for i in 0..own {
+            kernel::strip::<S, false>(simd, rows, i, i..own, &mut sums, (i, i));
+            kernel::strip::<S, false>(simd, rows, i, own..all, &mut sums, (i, 2 * own));
         }
         let mut sums = Sums { values: &mut border.values, rows: columns.border_groups * LANES };
-        for (i, left) in shared.chunks_exact(n).enumerate() {
-            kernel::products::<S, false>(simd, left, &shared[i * n..], &mut sums, (i, i));
+        for i in own..all {
+            kernel::strip::<S, false>(simd, rows, i, i..all, &mut sums, (i - own, i - own));
         }
+        let (states, shared) = panel.values.split_at(own * n);
         Self::add_residuals(simd, panel, source, border);
         // The successor: w² on the diagonal, −w times the whitened rest of its rows.
         for i in 0..n {
@@ -258,20 +260,19 @@ impl Sweep {
         }
         let right = &mut front.right;
         kernel::factor(simd, &mut front.values, right)?;
-        let (neighbour, shared) = front.values[own * n..].split_at(own * n);
+        let (shared, all) = (2 * own, columns.front());
+        let rows = Rows { values: &front.values, capacity: n, count: n };
         let mut sums = Sums { values: &mut next.values, rows: n };
-        for (i, left) in neighbour.chunks_exact(n).enumerate() {
-            kernel::products::<S, true>(simd, left, &neighbour[i * n..], &mut sums, (i, i));
-            kernel::products::<S, true>(simd, left, shared, &mut sums, (i, 2 * own));
-        }
-        for (group, to) in neighbour.chunks_exact(n).zip(next.right.as_chunks_mut().0) {
-            kernel::add_weighted::<S, true>(simd, group, right, to);
+        for i in own..shared {
+            kernel::strip::<S, true>(simd, rows, i, i..shared, &mut sums, (i - own, i - own));
+            kernel::strip::<S, true>(simd, rows, i, shared..all, &mut sums, (i - own, shared));
         }
         let mut sums = Sums { values: &mut border.values, rows: columns.border_groups * LANES };
-        for (i, left) in shared.chunks_exact(n).enumerate() {
-            kernel::products::<S, true>(simd, left, &shared[i * n..], &mut sums, (i, i));
+        for i in shared..all {
+            kernel::strip::<S, true>(simd, rows, i, i..all, &mut sums, (i - shared, i - shared));
         }
-        for (group, to) in shared.chunks_exact(n).zip(border.gradient.as_chunks_mut().0) {
+        let to = next.right.as_chunks_mut().0.iter_mut().chain(border.gradient.as_chunks_mut().0);
+        for (group, to) in front.values[own * n..].chunks_exact(n).zip(to) {
             kernel::add_weighted::<S, true>(simd, group, right, to);
         }
         border.squares -= right.iter().map(|y| y * y).sum::<f64>();

@@ -1,7 +1,7 @@
-//! The two ends of the chain at once.
+//! Two halves of the work on a chain at once.
 
 /// Runs both, on two threads where there are more than one. A panic of either is one of the caller's.
-pub(super) fn both<A: Send, B>(threads: usize, left: impl FnOnce() -> A + Send, right: impl FnOnce() -> B) -> (A, B) {
+pub fn both<A: Send, B>(threads: usize, left: impl FnOnce() -> A + Send, right: impl FnOnce() -> B) -> (A, B) {
     if threads <= 1 {
         return (left(), right());
     }

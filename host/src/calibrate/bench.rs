@@ -57,6 +57,19 @@ impl Trial {
         self.values.iter().find(|value| value.name == name)
     }
 
+    /// Whether every law's parameters are such as a robot can have: within their ranges, but for three standard errors and a twentieth of the
+    /// largest of their kind, which what the law leaves of a joint may make.
+    pub fn is_possible(&self) -> bool {
+        let kind = |name: &str| name.split_once('[').map_or(name, |(kind, _)| kind).to_string();
+        self.laws.iter().flat_map(|law| &law.parameters().results).all(|result| {
+            let Some(value) = self.value(&result.name) else { return true };
+            let alike = self.values.iter().filter(|other| kind(&other.name) == kind(&result.name));
+            let largest = alike.map(|other| other.estimate.abs()).fold(0.0, f64::max);
+            let slack = (3.0 * value.std_error.unwrap_or(0.0)).max(LITTLE * largest);
+            value.estimate.is_finite() && (result.range[0] - slack..=result.range[1] + slack).contains(&value.estimate)
+        })
+    }
+
     /// Position and speed of link and motor of a joint at stage k.
     pub fn joint(&self, k: usize, joint: usize) -> JointState {
         let (x, layout) = (&self.states[k * self.layout.size()..][..self.layout.size()], &self.layout);
@@ -90,11 +103,22 @@ pub struct JointState {
     pub thetad: f64,
 }
 
+/// Of a kind of parameter, what is little beside the largest.
+const LITTLE: f64 = 0.05;
+
+/// A start whose squares are this many times as many as rows is far off.
+const FAR: f64 = 2.0;
+/// Iterations under the base model's own noise, from a start that is far off, and the relative change of the cost that ends them.
+const EASY_ITERATIONS: usize = 8;
+const EASY: f64 = 1e-4;
+
 /// The samples, the noise and what the motion does not determine: all that trials of models have in common.
 pub struct Bench<'a> {
     pub(super) robot: &'a Robot,
     series: Series,
     noise: Noise,
+    /// The noise that the base model takes its errors for.
+    easy: Noise,
     layout: Layout,
     preset: Preset,
     /// What the motion does not determine of the base model, in the unknowns of its border.
@@ -121,6 +145,7 @@ impl<'a> Bench<'a> {
             robot,
             series,
             noise,
+            easy: fit.noise.clone(),
             layout: model.layout().clone(),
             preset: fit.calibration.preset,
             weak: Vec::new(),
@@ -157,6 +182,19 @@ impl<'a> Bench<'a> {
         self.search(laws, &from.known(), iterations)
     }
 
+    /// The same from the values of one trial, which may be another bench's, and the states of a trial on this one.
+    ///
+    /// # Errors
+    /// A model that cannot be built or solved.
+    pub fn fit_from(
+        &self,
+        laws: &[Arc<dyn Law>],
+        (values, states): (&Trial, &Trial),
+        iterations: usize,
+    ) -> Result<Trial, CalibrateError> {
+        self.search(laws, &Known { states: &states.states, layout: &states.layout, ..values.known() }, iterations)
+    }
+
     /// k_pwm U u (or k_t i, or the torque itself) at stage k by the values of a trial, N m or N.
     pub fn driving_torque(&self, trial: &Trial, k: usize, joint: usize) -> f64 {
         let symbol = match self.robot.input.unit {
@@ -171,20 +209,56 @@ impl<'a> Bench<'a> {
 
     pub(super) fn problem<'m>(&'m self, model: &'m Model) -> Problem<'m> {
         let assumptions = extension::assumptions(model.laws(), self.preset);
-        let assumed = Noise::assumed(self.robot, model, &self.series, &assumptions);
         let mut problem = Problem::new(model, self.robot, &self.series, assumptions);
-        problem.set_noise(self.noise.carried(&self.layout, model.layout(), assumed));
+        self.weigh(&mut problem, &self.noise);
         problem
+    }
+
+    /// Weights the rows by `noise` of the base model.
+    fn weigh(&self, problem: &mut Problem<'_>, noise: &Noise) {
+        problem.set_noise(self.carried(problem, noise));
+    }
+
+    /// The noise of this bench for a problem, which may be of other samples.
+    pub(super) fn noise_of(&self, problem: &Problem<'_>) -> Noise {
+        self.carried(problem, &self.noise)
+    }
+
+    fn carried(&self, problem: &Problem<'_>, noise: &Noise) -> Noise {
+        let assumed = Noise::assumed(self.robot, problem.model, problem.series, &problem.assumptions);
+        noise.carried(&self.layout, problem.model.layout(), assumed)
+    }
+
+    /// A nearer start: where the rows are far from small, a search under the tight weights of the bench creeps along the narrow valley that the
+    /// states leave it. Under the noise that the base model takes its errors for the valley is wide, and its floor is near.
+    fn eased<'m>(&self, problem: &mut Problem<'m>, start: Point<'m>, held: &[Vec<f64>]) -> Point<'m> {
+        let rows = self.series.stages() * self.series.channels.len();
+        let cost = levenberg::total_cost(problem, &start, self.settings.threads);
+        if cost < 0.5 * FAR * rows as f64 {
+            return start;
+        }
+        self.weigh(problem, &self.easy);
+        let settings =
+            Settings { max_iterations: EASY_ITERATIONS, relative_cost_change: EASY, ..self.settings.clone() };
+        let eased = levenberg::minimise(problem, start.clone(), held, &settings, |_, _| {});
+        self.weigh(problem, &self.noise);
+        match eased {
+            Ok(eased) if eased.cost.is_finite() => {
+                problem.shift_readings(&eased.point.z);
+                eased.point
+            }
+            _ => start,
+        }
     }
 
     fn search(&self, laws: &[Arc<dyn Law>], from: &Known<'_>, iterations: usize) -> Result<Trial, CalibrateError> {
         let model = Model::extended(self.robot, laws.to_vec())?;
-        let mut problem = self.problem(&model);
-        let start = extension::warm_start(&problem, self.robot, &self.series, from, &self.settings);
-        problem.shift_readings(&start.z);
-        let held = self.held(&model, &problem);
+        let (mut problem, start, held) = self.at(&model, from);
+        let start = self.eased(&mut problem, start, &held);
         let settings = Settings { max_iterations: iterations, ..self.settings.clone() };
-        let solution = levenberg::minimise(&problem, start, &held, &settings, |_, _| {})?;
+        let solution = levenberg::minimise(&problem, start, &held, &settings, |i, iteration| {
+            tracing::trace!(i, cost = iteration.cost, damping = iteration.damping, trials = iteration.trials, "bench");
+        })?;
         let border = Border::new(&solution.information, &solution.gradient, &held);
         let point = solution.point;
         let values = values(&problem, &point, &border, &solution.information);
@@ -199,10 +273,10 @@ impl<'a> Bench<'a> {
         })
     }
 
-    /// The problem of `model` at the end of a trial with the same laws, and what is held there.
-    pub(super) fn at<'m>(&'m self, model: &'m Model, trial: &Trial) -> (Problem<'m>, Point<'m>, Vec<Vec<f64>>) {
+    /// The problem of `model`, where its search starts, and what is held.
+    pub(super) fn at<'m>(&'m self, model: &'m Model, from: &Known<'_>) -> (Problem<'m>, Point<'m>, Vec<Vec<f64>>) {
         let mut problem = self.problem(model);
-        let point = extension::warm_start(&problem, self.robot, &self.series, &trial.known(), &self.settings);
+        let point = extension::warm_start(&problem, self.robot, &self.series, from, &self.settings);
         problem.shift_readings(&point.z);
         let held = self.held(model, &problem);
         (problem, point, held)

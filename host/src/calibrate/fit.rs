@@ -7,7 +7,7 @@
 
 use std::time::{Duration, Instant};
 
-use super::bench::Trial;
+use super::bench::{Bench, Trial};
 use super::extension::Known;
 use super::noise::Noise;
 use super::outliers::Screened;
@@ -28,6 +28,9 @@ use solve::levenberg::{Iteration, Settings};
 
 /// Relative change of the cost from which on a search ends whose weights will change anyway.
 const ROUGH: f64 = 1e-5;
+
+/// Iterations in which states settle around shared unknowns that are nearly right.
+const SETTLING: usize = 3;
 
 /// Searches at most that leave out what the one before found to be outliers.
 const MOST_SIFTINGS: usize = 3;
@@ -86,7 +89,7 @@ pub fn fit(
     let screened = Screened::new(Series::of(robot, recordings), assumptions.without_outliers);
     let clock = Instant::now();
     let start = start::start(&model, robot, screened.series());
-    let task = Task { robot, recordings, method, begin, start: clock.elapsed(), settings };
+    let task = Task { robot, recordings, method, begin, start: clock.elapsed(), settings, tight: None };
     let problem = Problem::new(&model, robot, screened.series(), assumptions);
     task.solve(problem, &screened, start, progress)
 }
@@ -108,11 +111,13 @@ pub fn extend<S: AsRef<str>>(
     if effects.is_empty() {
         return Ok(from.clone());
     }
-    let extended = Extended { robot, recordings, from, effects, trial: None };
+    let extended = Extended { robot, recordings, from, effects, tried: None };
     extended.fit(settings, progress)
 }
 
-/// [`extend`] by effects that a trial on a [`Bench`](super::Bench) of `from` has fitted already: its laws, from its values.
+/// [`extend`] by effects that a trial on a bench of `from` has fitted already: its laws, from its values, and under the bench's noise before
+/// any noise is estimated. What the base model took its errors for is much more than the extended model has; a likelihood that starts there may
+/// stay there.
 ///
 /// # Errors
 /// [`CalibrateError`].
@@ -120,11 +125,12 @@ pub fn extend_as<S: AsRef<str>>(
     robot: &Robot,
     recordings: &[&Recording],
     from: &Fit,
-    (ids, trial): (&[S], &Trial),
+    (ids, trial, bench): (&[S], &Trial, &Bench<'_>),
     settings: &Settings,
     progress: impl FnMut(usize, &Iteration),
 ) -> Result<Fit, CalibrateError> {
-    let extended = Extended { robot, recordings, from, effects: extension::effects(ids)?, trial: Some(trial) };
+    let tried = Some((trial, bench));
+    let extended = Extended { robot, recordings, from, effects: extension::effects(ids)?, tried };
     extended.fit(settings, progress)
 }
 
@@ -135,11 +141,11 @@ struct Extended<'a> {
     from: &'a Fit,
     effects: Vec<&'static Effect>,
     /// What is known of its laws.
-    trial: Option<&'a Trial>,
+    tried: Option<(&'a Trial, &'a Bench<'a>)>,
 }
 
 impl Extended<'_> {
-    fn fit(&self, settings: &Settings, progress: impl FnMut(usize, &Iteration)) -> Result<Fit, CalibrateError> {
+    fn fit(&self, settings: &Settings, mut progress: impl FnMut(usize, &Iteration)) -> Result<Fit, CalibrateError> {
         let begin = Instant::now();
         let Extended { robot, recordings, from, .. } = *self;
         let preset = from.calibration.preset;
@@ -150,16 +156,27 @@ impl Extended<'_> {
         let screened = Screened::new(Series::of(robot, recordings), preset.assumptions().without_outliers);
         let series = screened.series();
         let clock = Instant::now();
-        let (laws, known) = match self.trial {
-            Some(trial) => (trial.laws.clone(), Known { states: &from.states, layout: &from.layout, ..trial.known() }),
+        let (laws, known) = match self.tried {
+            Some((trial, _)) => {
+                (trial.laws.clone(), Known { states: &from.states, layout: &from.layout, ..trial.known() })
+            }
             None => (extension::choose_laws(robot, series, &self.effects, from, settings)?, extension::known(from)),
         };
         let model = Model::extended(robot, laws)?;
-        let problem = extension::problem(&model, robot, series, from);
-        let start = extension::warm_start(&problem, robot, series, &known, settings);
         let method = Method { preset, noise: from.calibration.noise_source };
-        let task = Task { robot, recordings, method, begin, start: clock.elapsed(), settings };
-        let mut fit = task.solve(problem, &screened, start, progress)?;
+        let spent = clock.elapsed();
+        let mut solve = |tight: bool| {
+            let problem = extension::problem(&model, robot, series, from);
+            let start = extension::warm_start(&problem, robot, series, &known, settings);
+            let tight = self.tried.filter(|_| tight).map(|(_, bench)| bench.noise_of(&problem));
+            let task = Task { robot, recordings, method, begin, start: spent, settings, tight };
+            task.solve(problem, &screened, start, &mut progress)
+        };
+        let mut fit = match solve(true) {
+            // A law with sharp corners may be too stiff for so little noise.
+            Err(CalibrateError::Solve(_)) if self.tried.is_some() => solve(false)?,
+            fit => fit?,
+        };
         fit.calibration.extensions = self.effects.iter().map(|effect| effect.id.to_string()).collect();
         Ok(fit)
     }
@@ -174,6 +191,8 @@ struct Task<'a> {
     /// Time spent on the start values.
     start: Duration,
     settings: &'a Settings,
+    /// Noise of the model without its errors, under which the search goes on before the noise is estimated.
+    tight: Option<Noise>,
 }
 
 impl Task<'_> {
@@ -190,17 +209,24 @@ impl Task<'_> {
         let estimated = self.method.noise == NoiseSource::Estimated;
         let rough = Settings { relative_cost_change: settings.relative_cost_change.max(ROUGH), ..settings.clone() };
         let first = if estimated { &rough } else { settings };
+        // Only the states have to settle where a trial has found the rest.
+        let settled = Settings { max_iterations: SETTLING, ..rough.clone() };
+        let opening = if self.tight.is_some() { &settled } else { first };
 
         problem.shift_readings(&start.z);
-        let mut found = search::search(&problem, robot, &start, &structural, first, &mut progress)?;
+        let mut found = search::search(&problem, robot, &start, &structural, opening, &mut progress)?;
         for _ in 1..MOST_SHIFTS {
             if !problem.shift_readings(&found.solution.point.z) {
                 break;
             }
             found = search::again(&problem, robot, (&start, found), &structural, first, &mut progress)?;
         }
+        if let Some(noise) = &self.tight {
+            problem.set_noise(noise.clone());
+            found = search::again(&problem, robot, (&start, found), &structural, first, &mut progress)?;
+        }
         for _ in 0..MOST_SIFTINGS {
-            if !screened.look(&mut problem, &found.solution.point) {
+            if !screened.look(&mut problem, &found.solution.point, settings.threads) {
                 break;
             }
             found = search::again(&problem, robot, (&start, found), &structural, first, &mut progress)?;
@@ -213,7 +239,7 @@ impl Task<'_> {
             floor = Some(reml::estimate(&mut problem, &found.solution.point, settings.threads)?.floor);
             noise_clock += clock.elapsed();
             found = search::again(&problem, robot, (&start, found), &structural, settings, &mut progress)?;
-            if screened.look(&mut problem, &found.solution.point) {
+            if screened.look(&mut problem, &found.solution.point, settings.threads) {
                 found = search::again(&problem, robot, (&start, found), &structural, settings, &mut progress)?;
             }
         }

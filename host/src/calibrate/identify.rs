@@ -95,7 +95,7 @@ pub(super) fn judge(
 fn sticking(problem: &Problem<'_>, robot: &Robot, moved: &[Moved]) -> Vec<Held> {
     let stuck = |joint: usize| match robot.joints[joint].friction {
         Friction::None => None,
-        Friction::Coulomb { speed, slope_s } => {
+        Friction::Coulomb { speed, slope_s, .. } => {
             let fastest = if speed == Side::Motor { moved[joint].speed } else { moved[joint].link_speed };
             (fastest < SLIDING / slope_s).then_some(fastest)
         }

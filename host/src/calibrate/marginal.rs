@@ -33,7 +33,8 @@ const DRAWN: f64 = 0.5;
 /// Parameters of `found` that are given no number for what noise in the states does to them.
 ///
 /// How well the motion itself shows a parameter is judged by `by_motion`, the information of noise-free predictions under the noise that the robot
-/// file and the preset tell: a model error makes the estimated noise large, but that is not for the motion to mend.
+/// file and the preset tell: a model error makes the estimated noise large, but that is not for the motion to mend. Where the estimated noise is
+/// the smaller one (a search that began under a poorer model's), predictions under that one judge it.
 ///
 /// # Errors
 /// As a factorisation's own.
@@ -52,13 +53,15 @@ pub(super) fn shown_by_noise<'m>(
     else {
         return Ok(Vec::new());
     };
-    let open: Vec<usize> = (0..claimed.nrows()).filter(|&i| by_motion[(i, i)] > OPEN * OPEN).collect();
+    let is_open = |covariance: &DMatrix<f64>, i: usize| covariance[(i, i)] > OPEN * OPEN;
+    let open: Vec<usize> =
+        (0..claimed.nrows()).filter(|&i| is_open(&by_motion, i) && is_open(&noise_free, i)).collect();
     if open.is_empty() {
         return Ok(Vec::new());
     }
     let axes = guess.orthonormal(&found.held);
     let mut factor = Factor::new(problem)?;
-    factor.factorise(problem, point, 0.0, threads)?;
+    factor.factorise_somehow(problem, point, threads)?;
     let mut slope = DVector::zeros(claimed.nrows());
     for &i in &open {
         slope[i] = half_log_determinant_slope(
@@ -122,7 +125,7 @@ fn half_log_determinant_slope<'m>(
         at.back_substitute(&border, threads, &mut step);
         let mut moved = point.clone();
         problem.retract(point, &step, &mut moved);
-        factor.factorise(problem, &moved, 0.0, threads)?;
+        factor.factorise_somehow(problem, &moved, threads)?;
         Ok(0.5 * log_determinant_of_states(&factor))
     };
     Ok((half_log_determinant(1.0)? - half_log_determinant(-1.0)?) / (2.0 * by))

@@ -34,6 +34,7 @@ mod summary;
 #[cfg(test)]
 mod tests;
 mod wide;
+mod windows;
 
 pub use bench::{Bench, JointState, Trial, TrialValue};
 pub use fit::{Fit, calibrate, extend, extend_as, fit};
@@ -98,6 +99,9 @@ pub enum CalibrateError {
         /// Its name.
         name: String,
     },
+    /// A model on top of which nothing can be scored.
+    #[error("the shared parameters of the fitted model are not determined together: nothing can be compared with it")]
+    Undetermined,
     /// The preset does not fit the robot.
     #[error(
         "the preset `paper` wants its first gyro on the body after the first joint, a revolute one, as (22) does; use the preset `default`"
@@ -118,7 +122,7 @@ pub enum CalibrateError {
 }
 
 /// Fewest samples of a recording.
-const FEWEST_SAMPLES: usize = 200;
+pub const FEWEST_SAMPLES: usize = 200;
 
 /// The columns of a table with so many inputs and these channels.
 fn columns(inputs: usize, channels: &[crate::robot::Channel]) -> String {

@@ -9,15 +9,22 @@
 //! gap           one more step under the last input
 //! ```
 //!
+//! A robot that hangs in its torques, as an arm under gravity does, falls where it runs free. Where sensors read every link and the run leaves the
+//! recorded motion all the same, the smoothed states are taken: they jitter little beside the motion.
+//!
 //! Friction decides where a free run stops, so positions would drift away; they are drawn to the smoothed ones, motor and link by the
 //! same amount, which moves no speed and winds no belt.
 
 use super::point::Point;
 use super::problem::{Problem, SHORTEST_REST};
 use crate::model::Stepper;
+use crate::robot::ChannelKind;
 
 /// Time constant with which positions follow the smoothed ones: moves take less, drift takes more, s.
 const FOLLOW_S: f64 = 1.0;
+
+/// No joint stands so far or moves so fast, rad or m, rad/s or m/s.
+const RUN_AWAY: f64 = 1e4;
 
 /// A motion without noise.
 #[derive(Debug, Clone)]
@@ -66,9 +73,10 @@ impl<'m> NoiseFree<'m> {
                             x[layout.theta(i)] += shift;
                         }
                     }
-                    if x.iter().any(|value| !value.is_finite()) {
+                    if x.iter().any(|value| !value.is_finite() || value.abs() > RUN_AWAY) {
                         // Parameters so far off that one step runs away: nothing is known of this motion but its readings.
                         x.copy_from_slice(smoothed);
+                        free.point.states[(k - 1) * size..k * size].copy_from_slice(point.state(k - 1));
                     }
                 }
                 if series.duration_s(k).is_finite() {
@@ -86,8 +94,52 @@ impl<'m> NoiseFree<'m> {
                 free.point.states[k * size..(k + 1) * size].copy_from_slice(&x);
             }
         }
+        if reads_all_links(problem) && free.leaves(problem, point) {
+            free.take(problem, point);
+        }
         free
     }
+
+    /// Whether the run strays from the motion of `point` by more than a quarter of what that moves, root mean square: the position of a link, or
+    /// its speed.
+    fn leaves(&self, problem: &Problem<'m>, point: &Point<'m>) -> bool {
+        let layout = problem.model.layout();
+        (0..layout.joints()).flat_map(|joint| [layout.q(joint), layout.qd(joint)]).any(|component| {
+            let values =
+                |of: &Point<'m>| -> Vec<f64> { (0..problem.series.stages()).map(|k| of.state(k)[component]).collect() };
+            let (run, motion) = (values(&self.point), values(point));
+            let mean = motion.iter().sum::<f64>() / motion.len().max(1) as f64;
+            let strays: f64 = run.iter().zip(&motion).map(|(a, b)| (a - b) * (a - b)).sum();
+            strays > 0.0625 * motion.iter().map(|x| (x - mean) * (x - mean)).sum::<f64>()
+        })
+    }
+
+    /// Takes the motion of `point`.
+    fn take(&mut self, problem: &Problem<'m>, point: &Point<'m>) {
+        let layout = problem.model.layout();
+        self.point.states.copy_from_slice(&point.states);
+        for (joint, moved) in self.joints.iter_mut().enumerate() {
+            *moved = Moved::default();
+            for k in 0..problem.series.stages() {
+                let x = point.state(k);
+                moved.speed = moved.speed.max(x[layout.thetad(joint)].abs());
+                moved.link_speed = moved.link_speed.max(x[layout.qd(joint)].abs());
+                moved.windup = moved.windup.max((x[layout.q(joint)] - x[layout.theta(joint)]).abs());
+            }
+        }
+    }
+}
+
+/// Whether a sensor reads the position of every link.
+fn reads_all_links(problem: &Problem<'_>) -> bool {
+    let layout = problem.model.layout();
+    (0..layout.joints()).all(|joint| {
+        problem.series.channels.iter().any(|channel| match channel.kind {
+            ChannelKind::LinkPosition { joint: read } => read == joint,
+            ChannelKind::MotorPosition { joint: read } => read == joint && !layout.is_elastic(joint),
+            _ => false,
+        })
+    })
 }
 
 fn first_state(problem: &Problem<'_>, point: &Point<'_>, recording: usize, x: &mut [f64]) {

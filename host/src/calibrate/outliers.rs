@@ -20,6 +20,7 @@ use super::point::Point;
 use super::problem::Problem;
 use super::series::Series;
 use solve::LeastSquares;
+use solve::threads::both;
 
 /// Neighbours on either side: of seven readings three may be wrong.
 const NEIGHBOURS: usize = 3;
@@ -53,16 +54,25 @@ impl Outliers {
     }
 
     /// Outliers of the problem's readings at a fit.
-    fn at<'m>(problem: &Problem<'m>, point: &Point<'m>) -> Self {
+    fn at<'m>(problem: &Problem<'m>, point: &Point<'m>, threads: usize) -> Self {
         let series = problem.series;
-        let mut residuals = vec![vec![f64::NAN; series.stages()]; series.channels.len()];
-        let mut scratch = problem.scratch();
-        for k in 0..series.stages() {
-            problem.sensor_rows(point, k, &mut scratch, false, &mut |row| {
-                if let Some(channel) = row.channel {
-                    residuals[channel][k] = row.residual;
-                }
-            });
+        // Of a part of all stages.
+        let half = |stages: Range<usize>| {
+            let mut residuals = vec![vec![f64::NAN; stages.len()]; series.channels.len()];
+            let mut scratch = problem.scratch();
+            for (i, k) in stages.enumerate() {
+                problem.sensor_rows(point, k, &mut scratch, false, &mut |row| {
+                    if let Some(channel) = row.channel {
+                        residuals[channel][i] = row.residual;
+                    }
+                });
+            }
+            residuals
+        };
+        let middle = series.stages() / 2;
+        let (mut residuals, rest) = both(threads, || half(0..middle), || half(middle..series.stages()));
+        for (channel, rest) in residuals.iter_mut().zip(rest) {
+            channel.extend(rest);
         }
         Outliers::among(series, residuals, FAR, Ends::Judged)
     }
@@ -133,12 +143,12 @@ impl Screened {
     }
 
     /// Looks at all readings at a fit to what the last look left. If other ones are outliers now, `problem` goes on without those.
-    pub fn look<'m>(&'m self, problem: &mut Problem<'m>, point: &Point<'m>) -> bool {
+    pub fn look<'m>(&'m self, problem: &mut Problem<'m>, point: &Point<'m>, threads: usize) -> bool {
         if !self.judged {
             return false;
         }
         problem.series = &self.all;
-        let changed = self.leave_out(Outliers::at(problem, point));
+        let changed = self.leave_out(Outliers::at(problem, point, threads));
         problem.series = self.series();
         changed
     }
@@ -171,17 +181,27 @@ fn step(values: &[f64]) -> f64 {
 
 /// Where in a run values are further than `far` scales from the median around them, no scale below `least`.
 fn far_off(values: &[f64], far: f64, least: f64, ends: Ends) -> Vec<usize> {
-    let distances: Vec<f64> = (0..values.len()).map(|k| (values[k] - median_around(values, k, ends)).abs()).collect();
-    let usual = |range: Range<usize>| {
-        let mut around: Vec<f64> = distances[range].iter().copied().filter(|d| d.is_finite()).collect();
+    let limit = far * least;
+    // A median lies between its values: what is near all of its neighbours is near it, and most readings are.
+    let near = |k: usize, other: Option<usize>| {
+        other.and_then(|other| values.get(other)).is_none_or(|other| (values[k] - other).abs() <= limit)
+    };
+    let among_its_like = |k: usize| (1..=NEIGHBOURS).all(|by| near(k, k.checked_sub(by)) && near(k, Some(k + by)));
+    // Distances are asked for where something is suspicious, and there again and again.
+    let mut known = vec![None; values.len()];
+    let mut distance = |k: usize| *known[k].get_or_insert_with(|| (values[k] - median_around(values, k, ends)).abs());
+    let usual = |range: Range<usize>, distance: &mut dyn FnMut(usize) -> f64| {
+        let mut around: Vec<f64> = range.map(distance).filter(|d| d.is_finite()).collect();
         if around.is_empty() { 0.0 } else { PER_MEDIAN * median(&mut around) }
     };
-    let unusual = |k: usize| {
-        let before = usual(k.saturating_sub(AROUND)..k);
-        let after = usual(k + 1..(k + 1 + AROUND).min(values.len()));
-        distances[k] > far * before.max(after)
+    let mut unusual = |k: usize| {
+        let before = usual(k.saturating_sub(AROUND)..k, &mut distance);
+        let after = usual(k + 1..(k + 1 + AROUND).min(values.len()), &mut distance);
+        distance(k) > far * before.max(after)
     };
-    (0..values.len()).filter(|&k| distances[k] > far * least && unusual(k)).collect()
+    (0..values.len())
+        .filter(|&k| !among_its_like(k) && (values[k] - median_around(values, k, ends)).abs() > limit && unusual(k))
+        .collect()
 }
 
 /// What is done at the ends of a run and beside missing readings, where a window has no other half.

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use crate::model::Integrator;
 
 /// A named set of assumptions.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Preset {
     /// Runge–Kutta steps, every gyro predicted from the state on a rigid base, tight process noise.
@@ -15,7 +15,7 @@ pub enum Preset {
 }
 
 /// Where the standard deviations that weight the rows come from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum NoiseSource {
     /// The robot file's for the sensors, the preset's for the steps of the model.

@@ -134,8 +134,8 @@ impl<'m> Problem<'m> {
         };
         let rows = RowPlan::of(series, model, assumptions.gyro_rows);
         let late = rows.scalars.iter().any(|r| r.offset_s != 0.0) || rows.gyros.iter().any(|r| r.offset_s != 0.0);
-        let fast = if late { None } else { Fast::of(model) };
         let sensor_laws = SensorLaws::of(model, border.gyros);
+        let fast = if late || sensor_laws.see_any() { None } else { Fast::of(model) };
         let mut problem = Problem {
             model,
             series,

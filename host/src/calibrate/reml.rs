@@ -11,27 +11,26 @@
 //! and random signs on the rows of g, whose quadratic form is dof_g on average with as small an error as Σ r² has itself. The shared
 //! parameters stay where they are meanwhile, two dozen degrees of freedom of 10⁵. Contiguous windows of the recording are enough.
 
-use std::ops::Range;
-
 use nalgebra::{DMatrix, DVector};
 
 use super::noise::{LEAST_SPEED, Noise};
 use super::point::Point;
 use super::problem::Problem;
+use super::windows::Windows;
 use solve::columns::{self, Entries, ExtraColumns};
 use solve::factor::{Factor, SolveError};
-use solve::{BATCH, LeastSquares, Shape, Stage, Step};
+use solve::{LeastSquares, Stage, Step};
 
-/// Samples that are looked at, in so many windows, where the recording is longer.
-const SAMPLES: usize = 20_000;
-const WINDOWS: usize = 10;
+/// Samples that are looked at, where the recording is longer.
+const SAMPLES: usize = 12_000;
 /// Samples for a look at what is left.
 const FEW_SAMPLES: usize = 8_000;
 /// Random vectors: the error of dof_g is that of Σ r² over the root of their number.
 const PROBES: usize = 1;
-/// Rounds at most, and the gain in log-likelihood that a further one must promise: less than one nat tells no noise from another.
+/// Rounds at most, and the gain in log-likelihood that a further one must promise: ten nats are 3 % of the noise of a channel that is looked at so
+/// often.
 const MOST_ROUNDS: usize = 8;
-const LEAST_GAIN: f64 = 1.0;
+const LEAST_GAIN: f64 = 10.0;
 /// Largest change of ln σ² in a round: a factor of ten in σ.
 const LARGEST_CHANGE: f64 = 4.6;
 /// A row of no group.
@@ -59,82 +58,6 @@ pub(super) struct Residue {
 
 /// χ² per degree of freedom of fewer degrees says nothing.
 pub(super) const FEWEST_DEGREES: f64 = 30.0;
-
-/// Runs of a problem's stages as a problem of their own; the point stays that of the whole.
-struct Windows<'a, 'm> {
-    problem: &'a Problem<'m>,
-    /// First stage of each window in the whole, a multiple of [`BATCH`] as their lengths are; the last one may be shorter.
-    windows: Vec<Range<usize>>,
-    /// Stages before each window.
-    before: Vec<usize>,
-    stages: usize,
-}
-
-impl<'a, 'm> Windows<'a, 'm> {
-    fn of(problem: &'a Problem<'m>, samples: usize) -> Self {
-        let whole = problem.series.stages();
-        let length = (samples / WINDOWS).next_multiple_of(BATCH);
-        let windows: Vec<Range<usize>> = if whole <= length * (WINDOWS + 1) {
-            std::iter::once(0..whole).collect()
-        } else {
-            let first = |w: usize| (w * (whole - length) / (WINDOWS - 1)) / BATCH * BATCH;
-            (0..WINDOWS).map(|w| first(w)..first(w) + length).collect()
-        };
-        let mut stages = 0;
-        let before = windows
-            .iter()
-            .map(|window| {
-                stages += window.len();
-                stages - window.len()
-            })
-            .collect();
-        Windows { problem, windows, before, stages }
-    }
-
-    /// The stage of the whole, and where its window ends.
-    fn stage(&self, k: usize) -> (usize, usize) {
-        let window = self.before.partition_point(|before| *before <= k) - 1;
-        (self.windows[window].start + k - self.before[window], self.windows[window].end)
-    }
-}
-
-impl<'m> LeastSquares for Windows<'_, 'm> {
-    type Point = Point<'m>;
-    type Scratch = super::problem::Scratch;
-
-    fn scratch(&self) -> Self::Scratch {
-        self.problem.scratch()
-    }
-
-    fn shape(&self) -> Shape {
-        Shape { stages: self.stages, ..self.problem.shape() }
-    }
-
-    fn linearise(&self, point: &Point<'m>, first: usize, scratch: &mut Self::Scratch, batch: &mut [Stage]) {
-        let (start, end) = self.stage(first);
-        self.problem.linearise(point, start, scratch, batch);
-        if start + batch.len() == end
-            && let Some(last) = batch.last_mut()
-        {
-            last.unlink();
-        }
-    }
-
-    fn cost(&self, point: &Point<'m>, stages: Range<usize>, scratch: &mut Self::Scratch) -> f64 {
-        stages.map(|k| self.stage(k).0).map(|k| self.problem.cost(point, k..k + 1, scratch)).sum()
-    }
-
-    fn retract(&self, point: &Point<'m>, step: &Step, to: &mut Point<'m>) {
-        to.clone_from(point);
-        let size = self.shape().stage;
-        for k in 0..self.stages {
-            let at = self.stage(k).0 * size;
-            for (x, dx) in to.states[at..at + size].iter_mut().zip(&step.states[k * size..]) {
-                *x += dx;
-            }
-        }
-    }
-}
 
 /// Residuals and random signs of every group, a column each.
 struct GroupColumns<'a> {
@@ -192,7 +115,7 @@ impl<'a, 'm> Grouped<'a, 'm> {
         let (channels, size) = (problem.series.channels.len(), problem.shape().stage);
         let mut rows = vec![0; channels + size];
         let mut scratch = problem.scratch();
-        let labels = (0..windows.stages)
+        let labels = (0..windows.shape().stages)
             .map(|k| {
                 let (k, end) = windows.stage(k);
                 let mut kinds: [Vec<u8>; 3] = Default::default();
@@ -244,7 +167,7 @@ pub(super) fn residue(problem: &Problem<'_>, point: &Point<'_>, threads: usize) 
     let grouped = Grouped::of(problem, point, FEW_SAMPLES);
     let mut factor = Factor::new(&grouped.windows)?;
     if factor.factorise(&grouped.windows, point, 0.0, threads).is_err() {
-        // A window can cut a sample off its run that only the run determines: the result stands, this part of it is not told.
+        // A window knows less of its outermost states than the whole does: the result stands, this part of it is not told.
         let freedom = vec![f64::NAN; grouped.rows.len()];
         let process_chi2_per_dof = vec![None; problem.shape().stage];
         return Ok(Residue { floor: None, freedom, process_chi2_per_dof });
@@ -266,18 +189,19 @@ pub(super) fn estimate<'m>(
     let period_s = problem.series.median_period_s();
     let channels = problem.series.channels.len();
     let mut rounds = 0;
+    let mut last: Option<(DVector<f64>, DVector<f64>)> = None;
     loop {
         rounds += 1;
         let grouped = Grouped::of(problem, &point, SAMPLES);
         let mut factor = Factor::new(&grouped.windows)?;
-        factor.factorise(&grouped.windows, &point, 0.0, threads)?;
+        factor.factorise_somehow(&grouped.windows, &point, threads)?;
         // The states follow the new weights; the shared parameters stay.
         let mut step = Step::default();
         factor.back_substitute(&vec![0.0; problem.border().size()], threads, &mut step);
         let mut moved = point.clone();
         grouped.windows.retract(&point, &step, &mut moved);
         point = moved;
-        factor.factorise(&grouped.windows, &point, 0.0, threads)?;
+        factor.factorise_somehow(&grouped.windows, &point, threads)?;
         let (dof, squares, information) = grouped.statistics(&point, &factor, PROBES, threads);
 
         let lowest: Vec<f64> = floor.channels.iter().chain(&floor.process).copied().collect();
@@ -286,13 +210,18 @@ pub(super) fn estimate<'m>(
         let free: Vec<usize> = (0..dof.len())
             .filter(|&g| grouped.rows[g] > 0 && (present[g] > 1.001 * lowest[g] || slope[g] > 0.0))
             .collect();
-        let change = newton(&free, &slope, &(0.5 * information), &dof);
+        let newton = newton(&free, &slope, &(0.5 * information), &dof);
         let mut next = present.clone();
+        let mut made = DVector::zeros(slope.len());
         let mut gain = 0.0;
-        for (&g, change) in free.iter().zip(change.iter()) {
-            next[g] = (present[g] * (0.5 * change.clamp(-LARGEST_CHANGE, LARGEST_CHANGE)).exp()).max(lowest[g]);
-            gain += slope[g] * (next[g] / present[g]).ln();
+        for (&g, newton) in free.iter().zip(newton.iter()) {
+            let newton = newton.clamp(-LARGEST_CHANGE, LARGEST_CHANGE);
+            let change = last.as_ref().map_or(newton, |(made, before)| between(newton, slope[g], made[g], before[g]));
+            next[g] = (present[g] * (0.5 * change).exp()).max(lowest[g]);
+            made[g] = 2.0 * (next[g] / present[g]).ln();
+            gain += 0.5 * slope[g] * made[g];
         }
+        last = Some((made, slope));
         let mut noise = Noise { channels: next[..channels].to_vec(), process: next[channels..].to_vec() };
         noise.join_positions(problem.model.layout(), period_s, LEAST_SPEED);
         tracing::debug!(rounds, gain, ?noise, "restricted maximum likelihood");
@@ -301,6 +230,16 @@ pub(super) fn estimate<'m>(
             return Ok(Estimate { floor, rounds });
         }
     }
+}
+
+/// The step of a group: Newton's; where the last one, `made`, overshot the top of the likelihood (its slope was `before`), the secant's, or two
+/// steps may jump to and fro for ever.
+fn between(newton: f64, slope: f64, made: f64, before: f64) -> f64 {
+    if slope * before >= 0.0 || made == 0.0 {
+        return newton;
+    }
+    let secant = -made * slope / (slope - before);
+    if secant.abs() < newton.abs() { secant } else { newton }
 }
 
 /// The step of the free groups. Where the information of a group is little beside its slope, the fixed point σ² ← Σ r² / dof steadies it.

@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 
 use crate::model::{Linear, SensorFrame};
-use solve::{self, Stage};
+use solve::Stage;
 
 /// A whitened row of (30).
 pub(super) struct InitialRow {

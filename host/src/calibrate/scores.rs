@@ -45,12 +45,12 @@ impl Bench<'_> {
     /// The scores of `laws`, each on its own on top of `trial`.
     ///
     /// # Errors
-    /// A trial that cannot be factorised.
+    /// A trial that cannot be factorised, or whose shared unknowns are not determined.
     pub fn scores(&self, trial: &Trial, laws: &[Arc<dyn Law>]) -> Result<Scores, CalibrateError> {
         let model = Model::extended(self.robot, trial.laws.clone())?;
-        let (problem, point, held) = self.at(&model, trial);
+        let (problem, point, held) = self.at(&model, &trial.known());
         let mut factor = Factor::new(&problem)?;
-        factor.factorise(&problem, &point, 0.0, self.settings.threads).map_err(solve::factor::SolveError::from)?;
+        factor.factorise_somehow(&problem, &point, self.settings.threads).map_err(solve::factor::SolveError::from)?;
         let (information, gradient) = factor.schur();
         let border = Border::new(&information, &gradient, &held);
 
@@ -74,17 +74,11 @@ impl Bench<'_> {
             columns.push(one.as_ref().map(|_| first..count));
             asked.extend(one.map(|one| (first, one)));
         }
-        let all = AllColumns { base: &problem, asked, count };
+        let layout = model.layout();
+        let (all, speed_of) = ((0..layout.size()).collect(), layout.speed_of());
+        let all = AllColumns { base: &problem, all, speed_of, asked, count };
         let reduced = eliminate(&problem, &point, &factor, &all, self.settings.threads);
-        let Some(score) = reduced.score(&border, &gradient) else {
-            let none = vec![None; laws.len()];
-            return Ok(Scores {
-                information: DMatrix::zeros(0, 0),
-                gradient: DVector::zeros(0),
-                alone: DVector::zeros(0),
-                columns: none,
-            });
-        };
+        let score = reduced.score(&border, &gradient).ok_or(CalibrateError::Undetermined)?;
         let alone = reduced.information.diagonal();
         Ok(Scores { information: score.information, gradient: score.gradient, alone, columns })
     }
@@ -191,6 +185,9 @@ fn carry(problem: &Problem<'_>, (trial, places, added): (&Point<'_>, &[usize], &
 /// The columns of all laws.
 struct AllColumns<'a, 'm> {
     base: &'a Problem<'m>,
+    /// Every component of the trial's state, and that which is its derivative.
+    all: Vec<usize>,
+    speed_of: Vec<Option<usize>>,
     /// With the first column of each.
     asked: Vec<(usize, Asked<'a>)>,
     count: usize,
@@ -203,6 +200,8 @@ struct Room {
     /// The trial's rows by channel.
     rows: Vec<Option<RowAt>>,
     trial: Prediction,
+    /// Of the trial for laws that are seen by whole steps.
+    whole_step: Prediction,
     start: Prediction,
     moved: Prediction,
 }
@@ -263,6 +262,7 @@ impl ExtraColumns<Problem<'_>> for AllColumns<'_, '_> {
             of_each: self.asked.iter().map(|(_, asked)| asked.problem.scratch()).collect(),
             rows: Vec::new(),
             trial: Prediction::default(),
+            whole_step: Prediction::default(),
             start: Prediction::default(),
             moved: Prediction::default(),
         }
@@ -273,15 +273,12 @@ impl ExtraColumns<Problem<'_>> for AllColumns<'_, '_> {
     }
 
     fn fill(&self, point: &Point<'_>, first: usize, room: &mut Room, stages: &[Stage], entries: &mut [Entries]) {
-        let layout = self.base.model.layout();
-        let all: Vec<usize> = (0..layout.size()).collect();
-        let speed_of = layout.speed_of();
         for (k, (_, entries)) in (first..).zip(stages.iter().zip(entries)) {
-            let Room { base, of_each, rows, trial, start, moved } = &mut *room;
+            let Room { base, of_each, rows, trial, whole_step, start, moved } = &mut *room;
             self.rows_by_channel(point, k, base, rows);
             let half_s = 0.5 * self.base.series.duration_s(k);
-            let whole = (self.base, point, &all[..]);
-            trial.fill(whole, k, (false, true), base);
+            let of_trial = (self.base, point, &self.all[..]);
+            trial.fill(of_trial, k, (false, true), base);
             for ((column, asked), scratch) in self.asked.iter().zip(of_each) {
                 let mut column = *column;
                 let how = (asked.by_steps, asked.sees);
@@ -295,7 +292,7 @@ impl ExtraColumns<Problem<'_>> for AllColumns<'_, '_> {
                     let difference = |i: usize| to.change[i] - from.change[i];
                     for i in 0..to.change.len() {
                         // A push that lasts for the step moves the position too.
-                        let pushed = speed_of[i]
+                        let pushed = self.speed_of[i]
                             .map_or(0.0, |speed| if asked.by_steps { 0.0 } else { half_s * difference(speed) });
                         let moved_by = difference(i) + pushed;
                         if moved_by != 0.0 {
@@ -306,22 +303,22 @@ impl ExtraColumns<Problem<'_>> for AllColumns<'_, '_> {
                     column += 1;
                 };
                 let is_trial = !asked.is_something && asked.places.len() == asked.at_start.dynamics.size();
-                if asked.by_steps {
-                    trial.fill(whole, k, (true, true), base);
-                }
+                let trial = if asked.by_steps {
+                    whole_step.fill(of_trial, k, (true, true), base);
+                    &*whole_step
+                } else {
+                    &*trial
+                };
                 if !is_trial {
                     start.fill((&asked.problem, &asked.at_start, &asked.places), k, how, scratch);
                 }
                 if asked.is_something {
                     add(trial, start, 1.0);
                 }
-                let from = if is_trial { &*trial } else { &*start };
+                let from = if is_trial { trial } else { &*start };
                 for point in &asked.moved {
                     moved.fill((&asked.problem, point, &asked.places), k, how, scratch);
                     add(from, moved, MOVED_BY);
-                }
-                if asked.by_steps {
-                    trial.fill(whole, k, (false, true), base);
                 }
             }
         }

@@ -7,7 +7,7 @@ use super::prefit;
 use super::problem::Problem;
 use crate::robot::Robot;
 use solve::factor::SolveError;
-use solve::levenberg::{self, Iteration, Settings, Solution};
+use solve::levenberg::{self, Iteration, Settings, Solution, total_cost};
 
 /// Most searches until what is held agrees with what the estimate says is not determined. One is enough where the start tells it already.
 const MOST_ROUNDS: usize = 3;
@@ -16,7 +16,7 @@ const MOST_ROUNDS: usize = 3;
 pub(super) struct Found<'m> {
     /// The end of the last search; what is held stands at its start value.
     pub solution: Solution<Point<'m>>,
-    /// Everything that is held, by the robot's build, its file or for want of motion.
+    /// Everything that is held: by the robot's build and its file first, then for want of motion.
     pub held: Vec<Held>,
     /// Parameters that were free and that no number is given for.
     pub silent: Vec<Held>,
@@ -58,9 +58,8 @@ pub(super) fn again<'m>(
     progress: impl FnMut(usize, &Iteration),
 ) -> Result<Found<'m>, SolveError> {
     let before = from.solution;
-    let weak = identify::judge(problem, robot, &before.point, structural, settings.threads)?.weak;
-    let near = identify::at_start(problem, before.point, start, &weak);
-    let mut found = settle(problem, robot, (start, near), (structural, weak), settings, progress)?;
+    let weak = from.held.into_iter().skip(structural.len()).collect();
+    let mut found = settle(problem, robot, (start, before.point), (structural, weak), settings, progress)?;
     found.solution.add_before(before.iterations, before.seconds);
     Ok(found)
 }
@@ -82,6 +81,10 @@ fn settle<'m>(
         rounds += 1;
         let settled = rounds == MOST_ROUNDS || identify::same(problem, &solution.point, &found.weak, &weak);
         from = identify::at_start(problem, solution.point.clone(), start, &found.weak);
+        if !found.weak.is_empty() && !total_cost(problem, &from, settings.threads).is_finite() {
+            // Where the start values lie along what is held, there is no such robot beside what was found: it stays where it was found.
+            from = solution.point.clone();
+        }
         weak = found.weak;
         if settled {
             solution.point = from;

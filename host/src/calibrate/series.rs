@@ -7,7 +7,7 @@ use crate::robot::{self, Robot};
 
 /// Shorter runs between two gaps are left out: a lone sample does not determine its own speeds, and a few say nothing of
 /// the dynamics. With 1 % of the ticks missing they are half a percent of the samples.
-const SHORTEST_RUN: usize = 10;
+pub(super) const SHORTEST_RUN: usize = 10;
 
 /// Stages of all recordings one after the other, in the layout that the solver's loop reads.
 #[derive(Debug, Clone)]

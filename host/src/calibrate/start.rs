@@ -123,7 +123,11 @@ fn fill_run(model: &Model, series: &Series, run: std::ops::Range<usize>, point: 
         values.iter().enumerate().map(|(j, values)| speeds(series, run.clone(), values, sigma(j))).collect()
     };
     let thetad = speeds(&theta, &motor, &link);
-    let measured_q = columns(&link, &motor);
+    let mut measured_q = columns(&link, &motor);
+    for (j, q) in measured_q.iter_mut().enumerate().filter(|(j, _)| link[*j].is_some()) {
+        let zero = model.link_zero(j, &point.z);
+        q.iter_mut().for_each(|q| *q -= zero);
+    }
     let measured_qd = speeds(&measured_q, &link, &motor);
 
     let passive: Vec<usize> = layout.passive().collect();

@@ -19,6 +19,7 @@ pub(super) struct Wide {
     after: Vec<Quad>,
     u: Vec<Quad>,
     measured: Vec<Quad>,
+    time_s: Quad,
     duration_s: Quad,
     step: StepQuads,
 }
@@ -43,6 +44,7 @@ impl Wide {
             fill(&mut self.after, point.state((k + 1).min(last)));
             fill(&mut self.u, series.input(k));
             fill(&mut self.measured, series.measured(k));
+            self.time_s.0[lane] = series.time_s(k);
             let duration_s = series.duration_s(k);
             self.duration_s.0[lane] = if duration_s.is_nan() { 0.0 } else { duration_s };
         }
@@ -151,11 +153,11 @@ impl Batch<'_, '_> {
         for (lane, linked) in linked.iter_mut().enumerate().take(*count) {
             *linked = problem.linked(*first + lane);
         }
-        let Wide { x, after, u, duration_s, step, .. } = &mut **scratch;
+        let Wide { x, after, u, time_s, duration_s, step, .. } = &mut **scratch;
         let (integrator, model) = (problem.assumptions.integrator, (*fast, &point.dynamics));
         match sink {
             Sink::Stages(batch) => {
-                step.step::<S, JOINTS, true>(integrator, model, (samples, x), u, duration_s);
+                step.step::<S, JOINTS, true>(integrator, model, (samples, x), (u, time_s), duration_s);
                 for (next, after) in step.next.iter_mut().zip(&*after) {
                     next.0 = simd.store(simd.sub(simd.load(&next.0), simd.load(&after.0)));
                 }
@@ -163,7 +165,7 @@ impl Batch<'_, '_> {
                 Stage::set_transitions(simd, batch, linked, weight, &step.slopes, &step.next);
             }
             Sink::Squares(sum) => {
-                step.step::<S, JOINTS, false>(integrator, model, (samples, x), u, duration_s);
+                step.step::<S, JOINTS, false>(integrator, model, (samples, x), (u, time_s), duration_s);
                 let mut squares = simd.splat(0.0);
                 for ((next, after), weight) in step.next.iter().zip(&*after).zip(&problem.process_weight) {
                     let r = simd.mul(simd.sub(simd.load(&next.0), simd.load(&after.0)), simd.splat(*weight));

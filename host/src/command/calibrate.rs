@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use super::{Exit, Failure, ResultArgs, Ui, read_failure, robot_failure};
+use super::{Exit, Failure, FitnessArgs, ResultArgs, Ui, read_failure, robot_failure};
 use crate::calibrate::{CalibrateError, Calibration, Method, NoiseSource, Preset, Status, extend, fit};
 use crate::effect::{Effect, EffectError};
 use crate::recording::{self, Recording};
@@ -32,6 +32,8 @@ pub struct Args {
     #[arg(long = "extend", value_name = "ID")]
     extensions: Vec<String>,
     #[command(flatten)]
+    fitness: FitnessArgs,
+    #[command(flatten)]
     result: ResultArgs,
 }
 
@@ -42,7 +44,7 @@ pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
     let recordings = args
         .recordings
         .iter()
-        .map(|path| recording::read(path).map_err(read_failure))
+        .map(|path| recording::read(path).map_err(|error| read_failure(error).about(path.display())))
         .collect::<Result<Vec<Recording>, _>>()?;
     let robot = other.unwrap_or_else(|| recordings[0].robot.clone()); // clap asks for at least one recording
     let recordings: Vec<&Recording> = recordings.iter().collect();
@@ -50,6 +52,13 @@ pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
         for damage in &recording.damage {
             ui.say(format_args!("{}: {damage}", recording.source.path.display()));
         }
+        args.fitness.look(recording, recording.source.path.display(), ui)?;
+    }
+    if let Some(twice) = (1..recordings.len()).map(|i| recordings.split_at(i)).find_map(|(earlier, rest)| {
+        rest.first().filter(|one| earlier.iter().any(|other| other.source.sha256 == one.source.sha256))
+    }) {
+        return Err(Failure::usage(format!("{} is given twice", twice.source.path.display()))
+            .advice("a recording counts once: what it says would seem twice as sure as it is"));
     }
     let method = Method::from(args.preset);
     let method = Method { noise: args.noise.unwrap_or(method.noise), ..method };
@@ -107,7 +116,7 @@ pub(super) fn calibrate_failure(error: CalibrateError) -> Failure {
         CalibrateError::ExtendsThePaper | CalibrateError::Extension(_) => Failure::usage(error),
         CalibrateError::Effect(EffectError::Unsuited { .. }) => Failure::data(error).advice("leave this effect out"),
         CalibrateError::Effect(_) => Failure::usage(error),
-        CalibrateError::Solve(_) => Failure::no_convergence(error)
+        CalibrateError::Solve(_) | CalibrateError::Undetermined => Failure::no_convergence(error)
             .advice("`host check` says whether the recording is fit; look for a wrong unit or a wrong robot file"),
         CalibrateError::TooShort { .. } => Failure::data(error).advice("record the whole calibration motion"),
         CalibrateError::DifferentRobot { .. } => Failure::data(error),

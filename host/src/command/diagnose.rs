@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use super::calibrate::calibrate_failure;
 use super::verify::verify_failure;
-use super::{Exit, Failure, ResultArgs, Ui, read_failure, robot_failure};
+use super::{Exit, Failure, FitnessArgs, ResultArgs, Ui, read_failure, robot_failure};
 use crate::diagnose::{self, DiagnoseError, Diagnosis, Options, Verdict};
 use crate::robot::Robot;
 use crate::{recording, report};
@@ -28,6 +28,8 @@ pub struct Args {
     #[arg(long, value_name = "ID")]
     without: Vec<String>,
     #[command(flatten)]
+    fitness: FitnessArgs,
+    #[command(flatten)]
     result: ResultArgs,
 }
 
@@ -37,6 +39,9 @@ pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
     let other = args.robot.as_deref().map(Robot::load).transpose().map_err(robot_failure)?;
     let run = recording::read(&args.recording).map_err(read_failure)?;
     let holdout = args.holdout.as_deref().map(recording::read).transpose().map_err(read_failure)?;
+    for recording in [&run].into_iter().chain(&holdout) {
+        args.fitness.look(recording, recording.source.path.display(), ui)?;
+    }
     let robot = other.unwrap_or_else(|| run.robot.clone());
     let progress = ui.busy("reading");
     let options = Options { without: args.without, ..Options::default() };

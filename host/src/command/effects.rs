@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use super::{Exit, Failure, Ui};
+use super::{Exit, Failure, Ui, json};
 use crate::effect::{CATALOGUE, Effect};
 
 /// Print the catalogue of effects
@@ -24,8 +24,8 @@ pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
     let one = args.id.as_deref().map(Effect::by_id).transpose();
     let one = one.map_err(|error| Failure::usage(error).advice("`host effects` prints all of them"))?;
     let text = match (one, args.json) {
-        (Some(effect), true) => serde_json::to_string_pretty(effect).map_err(Failure::fault)? + "\n",
-        (None, true) => serde_json::to_string_pretty(&CATALOGUE[..]).map_err(Failure::fault)? + "\n",
+        (Some(effect), true) => json(effect)?,
+        (None, true) => json(&CATALOGUE[..])?,
         (Some(effect), false) => format!("{}\n{}\n", entry(effect), effect.about),
         (None, false) => CATALOGUE.into_iter().map(entry).collect::<Vec<_>>().join("\n"),
     };

@@ -90,10 +90,23 @@ impl Failure {
         self
     }
 
+    /// The same failure with the thing that it is about in front, where several were given.
+    #[must_use]
+    pub fn about(self, what: impl fmt::Display) -> Self {
+        Self { cause: Box::new(About { what: what.to_string(), source: self.cause }), ..self }
+    }
+
     /// The exit code.
     pub fn exit(&self) -> Exit {
         self.exit
     }
+}
+
+#[derive(Debug, thiserror::Error)]
+#[error("{what} cannot be used")]
+struct About {
+    what: String,
+    source: Box<dyn Error + Send + Sync>,
 }
 
 impl fmt::Display for Failure {

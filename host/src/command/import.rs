@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use super::{Exit, Failure, NewFile, Ui, robot_failure, table_failure};
+use super::{Exit, Failure, NewFile, Ui, fitness, robot_failure, table_failure};
 use crate::recording::{csv, mcap};
 use crate::robot::Robot;
 
@@ -10,7 +10,9 @@ use crate::robot::Robot;
 ///
 /// One row a tick: t_us (or t_s), u1..un, then the robot's channels by name (theta1, g1x, …) in rad and rad/s on the
 /// link side of the gear. A missing tick is a missing row, an empty field a sensor without a reading. `.csv.gz` is read
-/// as well.
+/// as well. Tables with other names and units need a section [import] in the robot file: `host robot new` writes one
+/// with all it can say. What looks wrong in units, signs or columns is said at once; the recording is made all the
+/// same, and refused where results would be drawn from it.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// The table
@@ -32,10 +34,16 @@ pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
     let robot = Robot::load(&args.robot).map_err(robot_failure)?;
     let file = NewFile::claim(&args.output, args.force)?;
     let reading = ui.busy("reading");
-    let recording = csv::read(&args.table, &robot).map_err(table_failure)?;
+    let csv::Table { recording, ignored } = csv::read(&args.table, &robot).map_err(table_failure)?;
     reading.stage("writing");
     mcap::write(file, &recording).map_err(Failure::device)?.finish()?;
     drop(reading);
+    if !ignored.is_empty() {
+        ui.say(format_args!("not read, as the robot file does not name them: {}", ignored.join(", ")));
+    }
     ui.say(format_args!("{}: {}", args.output.display(), recording.summary()));
+    if fitness::warn(&recording, ui) {
+        ui.say("as it stands, this recording will be refused by check, calibrate, diagnose and verify");
+    }
     Ok(Exit::Ok)
 }

@@ -8,7 +8,8 @@
 //! 3. `Verb::Verb(args) => verb::run(args, &ui)` in [`main`].
 //!
 //! What every verb shares: [`Exit`] and [`Failure`] (how it ends), [`Ui`] (text, progress, log: stderr only; stdout
-//! carries results), `interrupt` (Ctrl-C), [`NewFile`], [`LiveFile`] and [`ResultArgs`] (files that are never overwritten unasked).
+//! carries results), `interrupt` (Ctrl-C), [`NewFile`], [`LiveFile`] and [`ResultArgs`] (files that are never overwritten unasked),
+//! `choices` (what the library's enums are called on the command line).
 
 mod calibrate;
 mod check;
@@ -23,10 +24,13 @@ mod record;
 mod repair;
 mod robot;
 mod simulate;
+mod table;
 mod verify;
 
+mod choices;
 mod exit;
 mod failures;
+mod fitness;
 mod interrupt;
 mod output;
 mod ui;
@@ -37,6 +41,8 @@ use clap::{CommandFactory, Parser, Subcommand};
 
 pub use exit::{Exit, Failure};
 use failures::{read_failure, robot_failure, table_failure};
+pub use fitness::FitnessArgs;
+use output::json;
 pub use output::{LiveFile, NewFile, Outputs, ResultArgs};
 pub use ui::{Progress, Ui};
 
@@ -63,6 +69,7 @@ enum Verb {
     Check(check::Args),
     Calibrate(calibrate::Args),
     Verify(verify::Args),
+    Table(table::Args),
     Diagnose(diagnose::Args),
     Export(export::Args),
     Repair(repair::Args),
@@ -87,6 +94,7 @@ pub fn main() -> ExitCode {
         Verb::Check(args) => check::run(args, &ui),
         Verb::Calibrate(args) => calibrate::run(args, &ui),
         Verb::Verify(args) => verify::run(args, &ui),
+        Verb::Table(args) => table::run(args, &ui),
         Verb::Diagnose(args) => diagnose::run(args, &ui),
         Verb::Export(args) => export::run(args, &ui),
         Verb::Repair(args) => repair::run(args, &ui),

@@ -153,7 +153,7 @@ pub struct Outputs {
 impl Outputs {
     /// Writes the result object to where it was asked for; `page` makes the report and is called only if one is wanted.
     pub fn finish<T: Serialize>(self, ui: &Ui, result: &T, page: impl FnOnce() -> String) -> Result<(), Failure> {
-        let text = serde_json::to_string_pretty(result).map_err(Failure::fault)? + "\n";
+        let text = json(result)?;
         if let Some(file) = self.output {
             ui.say(format_args!("result: {}", file.path().display()));
             file.finish_with(text.as_bytes())?;
@@ -167,6 +167,11 @@ impl Outputs {
         }
         Ok(())
     }
+}
+
+/// A result as JSON for people and programs, a line feed at the end.
+pub fn json<T: Serialize + ?Sized>(result: &T) -> Result<String, Failure> {
+    Ok(serde_json::to_string_pretty(result).map_err(Failure::fault)? + "\n")
 }
 
 fn folder(path: &Path) -> &Path {

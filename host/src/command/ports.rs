@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::{Exit, Failure, Ui};
+use super::{Exit, Failure, Ui, json};
 use crate::link::{self, LinkError, Options};
 
 /// List serial ports and mark those where a robot answers
@@ -46,8 +46,7 @@ pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
     }
     drop(progress);
     if args.json {
-        let text = serde_json::to_string_pretty(&listed).map_err(Failure::fault)? + "\n";
-        ui.print(&text)?;
+        ui.print(&json(&listed)?)?;
     } else if listed.is_empty() {
         ui.say("no serial port found; a simulated robot is `host record --port sim:`");
     } else {

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::Duration;
 
-use super::{Exit, Failure, NewFile, Ui, interrupt, robot_failure};
+use super::{Exit, Failure, NewFile, Ui, interrupt, json, robot_failure};
 use crate::robot::Robot;
 use crate::simulate::{EffectChoice, Fault, Options, Pace, SimulateError, SimulationReport, Simulator, parse_scale};
 
@@ -114,8 +114,7 @@ pub(super) fn say_faults(ui: &Ui, report: &SimulationReport) {
 /// Writes what is true of the robot, if it was asked for.
 pub(super) fn write_truth(file: Option<NewFile>, report: &SimulationReport) -> Result<(), Failure> {
     let Some(file) = file else { return Ok(()) };
-    let text = serde_json::to_string_pretty(report).map_err(Failure::fault)? + "\n";
-    file.finish_with(text.as_bytes())
+    file.finish_with(json(report)?.as_bytes())
 }
 
 /// A robot that cannot be simulated.

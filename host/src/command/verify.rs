@@ -2,16 +2,21 @@
 
 use std::path::{Path, PathBuf};
 
-use super::{Exit, Failure, ResultArgs, Ui, read_failure};
+use super::{Exit, Failure, FitnessArgs, Outputs, ResultArgs, Ui, read_failure};
 use crate::calibrate::Calibration;
+use crate::recording::{self, Recording};
+use crate::report;
+use crate::verify::torque::TorqueVerification;
 use crate::verify::{self, Verification, VerifyError};
-use crate::{recording, report};
 
 /// Predict a recording by a calibrated model
 ///
 /// Free run from the first state over the whole recording with the recorded input, and windowed predictions 10, 100,
 /// 500 and 2000 ms ahead from states that only past readings give. Give a recording that the calibration has not seen:
 /// that is what tells a good model from a good fit.
+///
+/// `--metric torque` asks another question of a rigid robot: how much of its motors' torque the model explains along filtered differences of the
+/// positions, with the calibrated parameters and with those that the recipe of inverse dynamics finds from the same torques.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// The calibration
@@ -20,22 +25,92 @@ pub struct Args {
     /// The recording to predict
     #[arg(value_name = "RUN")]
     recording: PathBuf,
+    /// What is compared
+    #[arg(long, value_enum, default_value = "prediction")]
+    metric: Metric,
+    /// With --metric torque: the recording on which the recipe finds its parameters, if not RUN itself
+    #[arg(long, value_name = "RUN0")]
+    identify_on: Option<PathBuf>,
+    #[command(flatten)]
+    fitness: FitnessArgs,
     #[command(flatten)]
     result: ResultArgs,
 }
 
-/// Reads, predicts, writes the result, prints the table of horizons.
+/// What is compared with a recording.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum Metric {
+    /// Readings some time ahead, and a free run
+    Prediction,
+    /// Torques of a rigid robot by inverse dynamics
+    Torque,
+}
+
+/// Reads, compares, writes the result, prints its table.
 pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
+    match args.metric {
+        Metric::Prediction if args.identify_on.is_some() => {
+            return Err(Failure::usage("--identify-on belongs to --metric torque"));
+        }
+        Metric::Torque if args.result.report.is_some() => {
+            return Err(Failure::usage("--metric torque has no page; leave --report out"));
+        }
+        _ => {}
+    }
     let outputs = args.result.claim()?;
     let calibration = read_calibration(&args.calibration)?;
     let recording = recording::read(&args.recording).map_err(read_failure)?;
+    let other = args.identify_on.as_deref().map(recording::read).transpose().map_err(read_failure)?;
+    for recording in [&recording].into_iter().chain(&other) {
+        args.fitness.look(recording, recording.source.path.display(), ui)?;
+    }
+    match args.metric {
+        Metric::Prediction => predict(&calibration, &recording, outputs, ui)?,
+        Metric::Torque => compare_torques(&calibration, &recording, other.as_ref().unwrap_or(&recording), outputs, ui)?,
+    }
+    Ok(Exit::Ok)
+}
+
+fn predict(calibration: &Calibration, recording: &Recording, outputs: Outputs, ui: &Ui) -> Result<(), Failure> {
     let progress = ui.busy("reading");
     let (verification, traces) =
-        verify::verify(&calibration, &recording, |step| progress.stage(step)).map_err(verify_failure)?;
+        verify::verify(calibration, recording, |step| progress.stage(step)).map_err(verify_failure)?;
     drop(progress);
     print_table(ui, &verification);
-    outputs.finish(ui, &verification, || report::verification::page(&verification, &recording, &traces).to_html())?;
-    Ok(Exit::Ok)
+    outputs.finish(ui, &verification, || report::verification::page(&verification, recording, &traces).to_html())
+}
+
+fn compare_torques(
+    calibration: &Calibration,
+    recording: &Recording,
+    identified_on: &Recording,
+    outputs: Outputs,
+    ui: &Ui,
+) -> Result<(), Failure> {
+    let progress = ui.busy("comparing torques");
+    let verified = verify::torque::verify(calibration, recording, identified_on).map_err(verify_failure)?;
+    drop(progress);
+    print_torques(ui, &verified);
+    outputs.finish(ui, &verified, String::new)
+}
+
+/// The comparison as a table for people.
+fn print_torques(ui: &Ui, verified: &TorqueVerification) {
+    ui.say(format_args!("{:<28}{:>14}{:>14}{:>10}  unit", "parameter", "calibrated", "recipe", "± error"));
+    for p in &verified.parameters {
+        let error = p.std_error.map_or_else(|| "–".to_string(), |error| format!("{error:.2e}"));
+        ui.say(format_args!("{:<28}{:>14.4}{:>14.4}{error:>10}  {}", p.name, p.calibrated, p.identified, p.unit));
+    }
+    for j in &verified.joints {
+        ui.say(format_args!(
+            "{}: {:.2} % of a torque of {:.4} {} unexplained by the calibrated parameters, {:.2} % by those of the recipe",
+            j.joint,
+            100.0 * j.relative_error_calibrated,
+            j.rms,
+            j.unit,
+            100.0 * j.relative_error_identified
+        ));
+    }
 }
 
 /// Reads a calibration result.
@@ -56,6 +131,7 @@ pub(super) fn verify_failure(error: VerifyError) -> Failure {
             failure.advice("`host calibrate` a recording of this robot first")
         }
         VerifyError::TooShort { .. } => failure.advice("record a whole motion"),
+        VerifyError::Torque(_) => failure,
         VerifyError::MissingParameter { .. }
         | VerifyError::Robot(_)
         | VerifyError::Effect(_)

@@ -6,6 +6,7 @@ use crate::calibrate::Calibration;
 use crate::recording::Recording;
 use crate::robot::ChannelKind;
 use crate::verify::{CalibratedModel, VerifyError, windows};
+use solve::threads;
 
 /// Blocks that are drawn, s: errors of windows further apart are independent.
 const BLOCK_S: f64 = 1.0;
@@ -20,9 +21,11 @@ pub fn gain(
     base: &Calibration,
     extended: &Calibration,
     recording: &Recording,
+    threads: usize,
 ) -> Result<Vec<ChannelGain>, VerifyError> {
     let models = [CalibratedModel::of(base, None)?, CalibratedModel::of(extended, None)?];
-    let [base, extended] = [windows(&models[0], recording)?, windows(&models[1], recording)?];
+    let (base, extended) = threads::both(threads, || windows(&models[0], recording), || windows(&models[1], recording));
+    let (base, extended) = (base?, extended?);
     let sensors = sensors(recording);
     let mut gains = Vec::new();
     for (base, extended) in base.iter().zip(&extended) {

@@ -10,9 +10,11 @@
 //! residuals under it. New is that the cause is named: every law of the catalogue is tried, and a name has to hold its own against any smooth
 //! curve on the same equation.
 
+mod axes;
 mod bootstrap;
 mod candidate;
 mod gain;
+mod refit;
 mod result;
 pub mod scan;
 mod search;
@@ -30,13 +32,18 @@ pub use yardstick::yardstick;
 
 use crate::calibrate::{Bench, CalibrateError, Preset, extend_as, fit};
 use crate::effect::{Effect, EffectError};
+use crate::model::Model;
 use crate::recording::Recording;
 use crate::robot::Robot;
 use crate::verify::VerifyError;
 use solve::levenberg::Settings;
 
-/// Samples that everything is tried on, and samples that decide; of a recording three times as long windows are taken.
+/// Samples that everything is tried on, of a robot with [`STATES`] states. Fewer states cost less, and a short motion in a few windows may
+/// always be caught in the same phase.
 const FEW_SAMPLES: usize = 4_000;
+/// States of Doggy.
+const STATES: usize = 12;
+/// Samples that decide; of a recording three times as long windows are taken.
 const ENOUGH_SAMPLES: usize = 12_000;
 /// Trials end at this relative change of the cost: a thousandth of what tells two laws apart. Wrong models crawl on for long.
 const ENOUGH: f64 = 1e-6;
@@ -44,6 +51,7 @@ const ENOUGH: f64 = 1e-6;
 const MOST_ITERATIONS: usize = 25;
 /// Windows of a bench.
 const WINDOWS: usize = 8;
+
 /// Why a recording cannot be diagnosed.
 #[derive(Debug, thiserror::Error)]
 pub enum DiagnoseError {
@@ -95,7 +103,9 @@ pub fn diagnose(
             Settings { relative_cost_change: ENOUGH, max_iterations: MOST_ITERATIONS, ..options.settings.clone() };
         Bench::new(robot, part, &base, noise.clone(), settings)
     };
-    let ((few, few_base), (bench, trial)) = (bench(FEW_SAMPLES)?, bench(ENOUGH_SAMPLES)?);
+    let states = Model::new(robot).layout().size().min(STATES);
+    let few = FEW_SAMPLES * STATES * STATES / (states * states);
+    let ((few, few_base), (bench, trial)) = (bench(few.min(ENOUGH_SAMPLES))?, bench(ENOUGH_SAMPLES)?);
     let (candidates, unsuited) = candidate::catalogue(robot, &options.without);
     let found = search::search((&few, &few_base), (&bench, &trial), &candidates, step)?;
 
@@ -104,10 +114,14 @@ pub fn diagnose(
     let extended = if ids.is_empty() {
         base.clone()
     } else {
-        extend_as(robot, &[fitted], &base, (&ids, &found.trial), &options.settings, |_, _| {})?
+        extend_as(robot, &[fitted], &base, (&ids, &found.trial, &bench), &options.settings, |_, _| {})?
     };
     step("measuring the gain");
-    let gain = if ids.is_empty() { Vec::new() } else { gain::gain(&base.calibration, &extended.calibration, unseen)? };
+    let gain = if ids.is_empty() {
+        Vec::new()
+    } else {
+        gain::gain(&base.calibration, &extended.calibration, unseen, options.settings.threads)?
+    };
     let holdout = holdout.map(|recording| recording.source.path.display().to_string());
     Ok(tell::tell(&bench, &trial, &found, (&base, extended), gain, unsuited, holdout)?)
 }

@@ -19,6 +19,8 @@ const LEAST_SHARE: f64 = 1e-6;
 /// Draws of a whole catalogue, and their seed.
 const DRAWS: usize = 2_000;
 const SEED: u64 = 1;
+/// Draws that tell a share well enough.
+const ENOUGH: usize = 20;
 
 /// What the scan says of one law.
 #[derive(Debug, Clone, PartialEq)]
@@ -56,14 +58,17 @@ impl Scan {
 
     /// Share of noise in which the least p of the whole catalogue is at most `p`. Beyond the draws it goes on as for independent tests.
     pub fn p_of_family(&self, p: f64) -> f64 {
+        let draws = self.least.len();
         let at_most = self.least.partition_point(|least| *least <= p);
-        if at_most >= 20 || self.least.is_empty() {
-            return at_most as f64 / self.least.len().max(1) as f64;
+        if draws < ENOUGH {
+            // No law has a column: nothing is surprising.
+            return 1.0;
         }
-        // As many independent tests as have the same p where there are twenty draws.
-        let anchor = self.least[20.min(self.least.len()) - 1];
-        let share = 20.0_f64.min(self.least.len() as f64) / self.least.len() as f64;
-        let tests = (-share).ln_1p() / (-anchor).ln_1p();
+        if at_most >= ENOUGH {
+            return at_most as f64 / draws as f64;
+        }
+        // As many independent tests as have the same p where there are enough draws.
+        let tests = (-(ENOUGH as f64 / draws as f64)).ln_1p() / (-self.least[ENOUGH - 1]).ln_1p();
         p_of_family(p, tests)
     }
 }
@@ -101,14 +106,12 @@ fn whitening(scores: &Scores, columns: Range<usize>) -> Option<DMatrix<f64>> {
 
 /// The least p of all laws in draws from N(0, K).
 fn draws(scores: &Scores, laws: &[Option<Score>]) -> Vec<f64> {
-    let all = scores.gradient.len();
     let Some(root) = root(scores) else { return Vec::new() };
     let mut rng = ChaCha8Rng::seed_from_u64(SEED);
     let mut least: Vec<f64> = (0..DRAWS)
         .map(|_| {
             let white = DVector::from_fn(root.ncols(), |_, _| StandardNormal.sample(&mut rng));
             let gradient = &root * white;
-            debug_assert_eq!(gradient.len(), all);
             let p = |law: &Score| {
                 let part = gradient.rows(law.columns.start, law.columns.len());
                 p_of_score((law.whitening.transpose() * part).norm_squared(), law.freedom)
@@ -130,4 +133,55 @@ fn root(scores: &Scores) -> Option<DMatrix<f64>> {
     let inverse = |i: usize| if scale[i] > 0.0 { 1.0 / scale[i] } else { 0.0 };
     let eigen = DMatrix::from_fn(n, n, |i, j| inverse(i) * inverse(j) * scores.information[(i, j)]).symmetric_eigen();
     Some(DMatrix::from_fn(n, n, |i, j| scale[i] * eigen.eigenvectors[(i, j)] * eigen.eigenvalues[j].max(0.0).sqrt()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Laws of one column each, with correlation `r` between any two.
+    fn laws(count: usize, r: f64, gradient: f64) -> Scores {
+        Scores {
+            information: DMatrix::from_fn(count, count, |i, j| if i == j { 4.0 } else { 4.0 * r }),
+            gradient: DVector::from_element(count, gradient),
+            alone: DVector::from_element(count, 8.0),
+            columns: (0..count).map(|i| Some(i..i + 1)).collect(),
+        }
+    }
+
+    #[test]
+    fn a_score_is_that_of_its_gradient_and_its_column_s_information() {
+        let scan = Scan::of(&laws(3, 0.5, 5.0));
+        let score = scan.scores[0].as_ref().unwrap();
+        // 5² / 4, and 8 of information of which 4 are left.
+        assert!((score.score - 6.25).abs() < 1e-12 && (score.z[0] - 2.5).abs() < 1e-12, "{score:?}");
+        assert_eq!((score.freedom, score.vif), (1, 2.0));
+        assert!((score.p - 0.012_419_33).abs() < 1e-8, "{}", score.p);
+    }
+
+    #[test]
+    fn a_family_of_independent_laws_is_as_strict_as_its_number_and_copies_count_once() {
+        // The share of 2,000 draws: within four standard deviations of it.
+        let near = |share: f64, truth: f64| (share - truth).abs() < 4.0 * (truth * (1.0 - truth) / 2000.0).sqrt();
+        let independent = Scan::of(&laws(50, 0.0, 0.0));
+        let copies = Scan::of(&laws(50, 1.0, 0.0));
+        for p in [0.001_f64, 0.01, 0.05] {
+            let truth = 1.0 - (1.0 - p).powi(50);
+            assert!(near(independent.p_of_family(p), truth), "{p}: {} of {truth}", independent.p_of_family(p));
+        }
+        for p in [0.05, 0.3, 0.8] {
+            assert!(near(copies.p_of_family(p), p), "{p}: {}", copies.p_of_family(p));
+        }
+        // Beyond the draws: about as many tests as there are laws.
+        let beyond = independent.p_of_family(1e-9) / 1e-9;
+        assert!((30.0..80.0).contains(&beyond), "{beyond} tests");
+    }
+
+    #[test]
+    fn a_column_that_the_shared_unknowns_take_away_has_no_score() {
+        let mut scores = laws(2, 0.0, 1.0);
+        scores.information[(1, 1)] = 1e-9;
+        let scan = Scan::of(&scores);
+        assert!(scan.scores[0].is_some() && scan.scores[1].is_none());
+    }
 }

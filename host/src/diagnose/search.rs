@@ -4,26 +4,27 @@
 //!   current model ─▶ scan (every law, one score) ─▶ refit the best and what looks like it ─▶ best law ┐
 //!         ▲          scan of curves on every place ─▶ refit the best ─────────────────────▶ best curve ─┤
 //!         │                                                                                               ▼
-//!         └── drop or swap what it makes superfluous ◀── accepted where the law explains ≥ 80 % of the curve's part
+//!         └── drop or swap what it makes superfluous ◀── accepted where the law, or it with another one, explains ≥ 80 % of the curve's part
 //!                                                        else: a cause without a name
 //! ```
 
 use std::sync::Arc;
 
+use super::axes::axes_of_score;
 use super::candidate::{Candidate, Curves, PLACES, Place};
+use super::refit::{Refit, refit};
 use super::scan::{Scan, Score};
 use super::significance::p_of_score;
 use crate::calibrate::{Bench, CalibrateError, Trial};
 use crate::effect::{CATALOGUE, Effect};
-use crate::model::law::{Law, Of};
+use crate::model::law::Law;
 
 /// Share of noise in which anything is found at all.
 pub const LEVEL: f64 = 0.01;
 /// Most causes.
 const MOST_FINDINGS: usize = 4;
-/// Laws that are refitted, besides what looks like the best.
-const REFITS: usize = 4;
-const REFIT_ITERATIONS: usize = 8;
+/// Iterations of a model that has lost one of its laws.
+const DROP_ITERATIONS: usize = 8;
 /// Curves are linear in their coefficients.
 const CURVE_ITERATIONS: usize = 3;
 const CURVES_REFITTED: usize = 2;
@@ -31,6 +32,10 @@ const CURVES_REFITTED: usize = 2;
 const FINAL_ITERATIONS: usize = 25;
 /// A named law explains this share of what the best curve does.
 const NAMED_SHARE: f64 = 0.8;
+/// Of what accepted causes explain, the share that another law on the same equation has to add to be one more cause.
+const REST: f64 = 0.01;
+/// Of two laws together.
+const PAIR_ITERATIONS: usize = 8;
 /// Laws whose scores differ by less cannot be told apart.
 const ALIAS: f64 = 12.0;
 
@@ -48,15 +53,17 @@ pub struct Named {
 pub struct Scanned {
     /// Which.
     pub named: Named,
-    /// Its fit, if it has one.
+    /// Its fit on the samples that decide, if it came so far.
     pub trial: Option<Trial>,
+    /// Its fit on few samples.
+    pub on_few: Option<Trial>,
     /// Twice the log-likelihood gained.
     pub score: f64,
     /// Parameters that the motion shows.
     pub freedom: usize,
     /// Share of noise that would bring any candidate this far.
     pub p_family: f64,
-    /// See [`axes`].
+    /// See [`axes`](super::axes::axes).
     pub axes: Vec<usize>,
     /// Of its parameters, the largest.
     pub vif: Option<f64>,
@@ -95,7 +102,7 @@ pub struct Rival {
     pub effect: &'static Effect,
     /// Twice the log-likelihood gained.
     pub score: f64,
-    /// See [`axes`].
+    /// See [`axes`](super::axes::axes).
     pub axes: Vec<usize>,
     /// Whether this motion cannot tell it from the accepted one.
     pub is_alias: bool,
@@ -119,7 +126,7 @@ pub struct Search {
 }
 
 /// Laws in the catalogue's order: a plant's line asks them so.
-fn laws<'a>(named: impl Iterator<Item = &'a Named>) -> Vec<Arc<dyn Law>> {
+pub fn laws<'a>(named: impl Iterator<Item = &'a Named>) -> Vec<Arc<dyn Law>> {
     let place = |effect: &Effect| CATALOGUE.iter().position(|other| other.id == effect.id);
     let mut sorted: Vec<&Named> = named.collect();
     sorted.sort_by_key(|named| place(named.effect));
@@ -137,14 +144,7 @@ pub fn search(
     candidates: &[Candidate],
     step: &dyn Fn(&str),
 ) -> Result<Search, CalibrateError> {
-    let mut found = Search {
-        accepted: Vec::new(),
-        trial: base.clone(),
-        first_scan: Vec::new(),
-        first_curves: Vec::new(),
-        left: Vec::new(),
-        refused: None,
-    };
+    let mut found = Search::at(base);
     let mut on_few = few_base.clone();
     loop {
         step("scanning the catalogue");
@@ -155,7 +155,7 @@ pub fn search(
         }
         note("scan", scanned.iter().take(12));
         step("refitting the best");
-        let mut refitted = refit(bench, &found, scanned, &family);
+        let mut refitted = refit(&Refit { few, on_few: &on_few, bench, found: &found, family: &family }, scanned);
         let samples = bench.series().stages();
         refitted.sort_by(|a, b| worth(b, samples).total_cmp(&worth(a, samples)));
         note("refit", refitted.iter());
@@ -169,13 +169,18 @@ pub fn search(
             tracing::debug!(place = ?c.curves.place, score = c.score, p = c.p_family, "curve");
         }
         // A law has to earn its parameters besides: what the null of the draws does not hold, a clock that jitters, gains a little too.
-        let best = refitted.first().filter(|best| best.p_family < LEVEL && worth(best, samples) > 0.0).cloned();
+        let explained = 2.0 * (base.cost - found.trial.cost);
+        let earns =
+            |s: &&Scanned| s.p_family < LEVEL && worth(s, samples) > 0.0 && !is_rest(&found.accepted, explained, s);
+        let best = refitted.iter().find(earns).cloned();
         let rival = curves.first().filter(|curve| curve.p_family < LEVEL);
-        let holds = |best: &Scanned| rival.is_none_or(|curve| best.score >= NAMED_SHARE * curve.score);
+        let enough = |score: f64| rival.is_none_or(|curve| score >= NAMED_SHARE * curve.score);
+        let holds = |best: &Scanned| enough(best.score) || enough(with_another(bench, &found, best, &refitted, enough));
         match best {
-            Some(best) if holds(&best) && found.accepted.len() < MOST_FINDINGS => {
+            Some(best) if found.accepted.len() < MOST_FINDINGS && holds(&best) => {
+                let from = best.on_few.clone().unwrap_or_else(|| found.trial.clone());
                 accept(bench, &mut found, best, &refitted)?;
-                on_few = few.fit(&all_laws(&found), &found.trial, FINAL_ITERATIONS)?;
+                on_few = few.fit(&all_laws(&found), &from, FINAL_ITERATIONS)?;
             }
             best => {
                 found.refused = best;
@@ -184,6 +189,40 @@ pub fn search(
             }
         }
     }
+}
+
+/// Whether a law explains no more than what the law of an accepted cause, on the same equation, may leave of it: laws are smooth, gaps and
+/// dead bands are not.
+fn is_rest(accepted: &[Accepted], explained: f64, scanned: &Scanned) -> bool {
+    let same_row = accepted.iter().any(|accepted| accepted.named.effect.row == scanned.named.effect.row);
+    same_row && scanned.score < REST * explained
+}
+
+/// What the best law gains together with another of the refitted ones on the same equation, as soon as that is `enough`: where two causes follow
+/// the same argument, one curve takes both, and neither alone holds its own against it.
+fn with_another(
+    bench: &Bench<'_>,
+    found: &Search,
+    best: &Scanned,
+    refitted: &[Scanned],
+    enough: impl Fn(f64) -> bool,
+) -> f64 {
+    let Some(trial) = &best.trial else { return best.score };
+    let samples = bench.series().stages();
+    let mut most = best.score;
+    let others = refitted.iter().filter(|other| other.named.effect.id != best.named.effect.id);
+    for other in others.filter(|other| other.named.effect.row == best.named.effect.row && other.score > 0.0) {
+        let named = found.accepted.iter().map(|accepted| &accepted.named).chain([&best.named, &other.named]);
+        let Ok(both) = bench.fit(&laws(named), trial, PAIR_ITERATIONS) else { continue };
+        let second = Scanned { score: 2.0 * (trial.cost - both.cost), ..other.clone() };
+        if worth(&second, samples) > 0.0 {
+            most = most.max(best.score + second.score);
+        }
+        if enough(most) {
+            break;
+        }
+    }
+    most
 }
 
 /// For the log.
@@ -220,9 +259,10 @@ fn scan(
             score: score.as_ref().map_or(0.0, |score| score.score),
             freedom: score.as_ref().map_or(0, |score| score.freedom),
             p_family: score.as_ref().map_or(1.0, |score| scan.p_of_family(score.p)),
-            axes: score.as_ref().map_or_else(Vec::new, |score| axes_of_score(&named, score)),
+            axes: score.as_ref().map_or_else(Vec::new, |score| axes_of_score(&*named.law, score)),
             vif: score.as_ref().map(|score| score.vif),
             trial: None,
+            on_few: None,
             named,
         };
         match best.last_mut().filter(|last| last.named.effect.id == scanned.named.effect.id) {
@@ -232,54 +272,6 @@ fn scan(
         }
     }
     Ok((best, scan))
-}
-
-/// The joints (1-based) in whose coordinates a score shows.
-fn axes_of_score(named: &Named, score: &Score) -> Vec<usize> {
-    let coordinates = &named.law.parameters().coordinates;
-    let first = score.z.len() - coordinates.len();
-    let mut axes: Vec<usize> = coordinates
-        .iter()
-        .zip(&score.z[first..])
-        .filter(|(_, z)| z.abs() > 3.0)
-        .filter_map(|(coordinate, _)| if let Of::Joint(joint) = coordinate.of { Some(joint + 1) } else { None })
-        .collect();
-    axes.sort_unstable();
-    axes.dedup();
-    axes
-}
-
-/// Fits a law together with what has been accepted.
-fn try_on_top(bench: &Bench<'_>, found: &Search, named: Named, family: &Scan) -> Scanned {
-    let (accepted, current) = (&found.accepted, &found.trial);
-    let all = accepted.iter().map(|accepted| &accepted.named).chain([&named]);
-    let trial = bench.fit(&laws(all), current, REFIT_ITERATIONS).ok().filter(|trial| trial.cost.is_finite());
-    let score = trial.as_ref().map_or(0.0, |trial| 2.0 * (current.cost - trial.cost)).max(0.0);
-    let freedom = named.law.parameters().coordinates.len().max(1);
-    let (mut joints, mut vif) = (Vec::new(), None);
-    if let Some(trial) = &trial {
-        joints = axes(named.effect, trial);
-        let own = trial.values.iter().filter(|value| is_of(named.effect, &value.name));
-        vif = own.map(|value| value.vif).filter(|vif| vif.is_finite()).reduce(f64::max);
-    }
-    let p_family = family.p_of_family(p_of_score(score, freedom));
-    Scanned { p_family, named, trial, score, freedom, axes: joints, vif }
-}
-
-/// Refits the best of a scan and what the best may be taken for.
-fn refit(bench: &Bench<'_>, found: &Search, scanned: Vec<Scanned>, family: &Scan) -> Vec<Scanned> {
-    let Some(best) = scanned.first().filter(|best| best.p_family < LEVEL).map(|best| best.named.effect) else {
-        return Vec::new();
-    };
-    let alike =
-        |effect: &Effect| best.confounded_with.contains(&effect.id) || effect.confounded_with.contains(&best.id);
-    let wanted = |place: usize, s: &Scanned| place < REFITS || alike(s.named.effect);
-    scanned
-        .into_iter()
-        .enumerate()
-        .filter(|(place, s)| s.p_family < LEVEL && wanted(*place, s))
-        .map(|(_, s)| try_on_top(bench, found, s.named, family))
-        .collect()
 }
 
 /// The best curves: places by a scan of few samples, refitted on the samples that decide.
@@ -347,48 +339,26 @@ fn all_laws(found: &Search) -> Vec<Arc<dyn Law>> {
 }
 
 impl Search {
+    /// Nothing found yet beyond the model of `trial`.
+    fn at(trial: &Trial) -> Self {
+        Search {
+            accepted: Vec::new(),
+            trial: trial.clone(),
+            first_scan: Vec::new(),
+            first_curves: Vec::new(),
+            left: Vec::new(),
+            refused: None,
+        }
+    }
+
     /// The model without one of the accepted, and what is lost: twice the log-likelihood.
     ///
     /// # Errors
     /// As a calibration's.
     pub fn without(&self, bench: &Bench<'_>, place: usize) -> Result<(Trial, f64), CalibrateError> {
         let others = self.accepted.iter().enumerate().filter(|(other, _)| *other != place);
-        let trial = bench.fit(&laws(others.map(|(_, accepted)| &accepted.named)), &self.trial, REFIT_ITERATIONS)?;
+        let trial = bench.fit(&laws(others.map(|(_, accepted)| &accepted.named)), &self.trial, DROP_ITERATIONS)?;
         let lost = 2.0 * (trial.cost - self.trial.cost);
         Ok((trial, lost))
     }
-}
-
-/// Whether a result is a parameter of this effect.
-pub fn is_of(effect: &Effect, name: &str) -> bool {
-    name.strip_prefix(effect.id).is_some_and(|rest| rest.starts_with('.'))
-}
-
-/// The joints (1-based) in whose parameters an effect shows: more than three standard errors from nothing, and no less than a twentieth of
-/// the largest. Empty for effects that are no joint's.
-pub fn axes(effect: &Effect, trial: &Trial) -> Vec<usize> {
-    let prefix = format!("{}.", effect.id);
-    let joint = |name: &str| -> Option<usize> {
-        let index = name.strip_prefix(&prefix)?.split_once('[')?.1.strip_suffix(']')?;
-        index.parse().ok()
-    };
-    let of_joints: Vec<_> = trial
-        .values
-        .iter()
-        .filter(|value| !value.name.contains(".phi") && !value.name.contains(".q0") && !value.name.contains(".tau"))
-        .filter_map(|value| Some((joint(&value.name)?, value)))
-        .collect();
-    let significance =
-        |value: &crate::calibrate::TrialValue| value.std_error.map_or(0.0, |error| value.estimate.abs() / error);
-    let unit_largest = |unit: &str| {
-        of_joints.iter().filter(|(_, v)| v.unit == unit).map(|(_, v)| v.estimate.abs()).fold(0.0, f64::max)
-    };
-    let mut axes: Vec<usize> = of_joints
-        .iter()
-        .filter(|(_, value)| significance(value) > 3.0 && value.estimate.abs() > 0.05 * unit_largest(value.unit))
-        .map(|(joint, _)| *joint)
-        .collect();
-    axes.sort_unstable();
-    axes.dedup();
-    axes
 }

@@ -1,9 +1,10 @@
 //! What a search found as users read it: findings, verdict, places of what is left, pictures of the defect, one sentence.
 
+use super::axes::{axes, is_of};
 use super::result::{
     Candidate, ChannelGain, Defect, Diagnosis, Finding, NotTestable, Picture, Rival, Unexplained, Verdict,
 };
-use super::search::{self, CurveFit, LEVEL, Search};
+use super::search::{CurveFit, LEVEL, Search};
 use super::shapeless::Knots;
 use crate::calibrate::{Bench, CalibrateError, Fit, Trial};
 use crate::effect::Effect;
@@ -35,12 +36,12 @@ pub fn tell(
         let effect = accepted.named.effect;
         let (_, own) = found.without(bench, place)?;
         let parameters: Vec<_> =
-            extended.calibration.parameters.iter().filter(|p| search::is_of(effect, &p.name)).cloned().collect();
+            extended.calibration.parameters.iter().filter(|p| is_of(effect, &p.name)).cloned().collect();
         let left_in_place = found.left.iter().filter(|c| c.curves.place.row() == effect.row && c.p_family < LEVEL);
         let left_in_place = left_in_place.map(|c| c.score.max(0.0)).fold(0.0, f64::max);
         findings.push(Finding {
             effect: effect.id.to_string(),
-            axes: search::axes(effect, &found.trial),
+            axes: axes(effect, &found.trial),
             row: effect.row,
             score: accepted.score,
             p_value: accepted.p_family,

@@ -5,7 +5,7 @@
 //! count), and a step of the model may be wrong by a little that no robot is below. The same weights then judge the base model and every
 //! extended one. Looser ones would make scores too small: what is not the model's would pass for noise.
 
-use crate::calibrate::{Noise, Preset, Series};
+use crate::calibrate::{Noise, Series};
 use crate::model::Model;
 use crate::robot::Robot;
 
@@ -15,11 +15,13 @@ const FEWEST: usize = 200;
 /// What a step of the model may miss of a speed over 1 ms, rad/s or m/s: an acceleration of 0.01 rad/s² that comes and goes.
 const STEP_OF_SPEED: f64 = 1e-5;
 
-/// The noise that the robot file and the preset tell, with that of the sensors as the rest windows of `series` show it.
+/// The sensors' noise as the rest windows of `series` show it, or the robot file tells where that is more, and that of the steps.
 pub fn yardstick(robot: &Robot, series: &Series) -> Noise {
     let model = Model::new(robot);
-    let mut noise = Noise::assumed(robot, &model, series, &Preset::Default.assumptions());
-    noise.process.fill(0.0);
+    let mut noise = Noise {
+        channels: series.channels.iter().map(|channel| channel.sigma).collect(),
+        process: vec![0.0; model.layout().size()],
+    };
     let speed = STEP_OF_SPEED * (series.period_s / 1e-3).sqrt();
     noise.join_positions(model.layout(), series.period_s, speed);
     for (channel, sigma) in noise.channels.iter_mut().enumerate() {

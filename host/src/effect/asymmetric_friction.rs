@@ -51,7 +51,7 @@ fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectEr
     let joints = draw::some(EFFECT.id, draw::rubbing(robot), draw::NO_FRICTION)?;
     let mut dmu = draw::per_joint(robot, &joints, size, SHARE_OF_MU, |j| draw::nominal(robot, Symbol::Mu, j), rng);
     // An exact size is that of Δμ; Δv goes with it as medium with medium.
-    let k_mi = |joint| draw::nominal(robot, Symbol::KMi, joint);
+    let k_mi = |joint| draw::nominal(robot, Symbol::KMi, joint).max(draw::nominal(robot, Symbol::V, joint));
     let mut dv = draw::per_joint(robot, &joints, size, SHARE_OF_KMI, k_mi, rng);
     if let Size::Exact(exact) = size {
         for &joint in &joints {
@@ -61,12 +61,12 @@ fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectEr
     }
     draw::either_sign(&mut dmu, size, rng);
     draw::either_sign(&mut dv, size, rng);
-    let mut values: Vec<_> = draw::of_joints(EFFECT.id, "dmu", "N m", &joints, &dmu).collect();
-    values.extend(draw::of_joints(EFFECT.id, "dv", "N m s/rad", &joints, &dv));
+    let mut values: Vec<_> = draw::of_joints((EFFECT.id, robot), "dmu", "N m", &joints, &dmu).collect();
+    values.extend(draw::of_joints((EFFECT.id, robot), "dv", "N m s/rad", &joints, &dv));
     Ok(Hidden { id: EFFECT.id, values, physics: Box::new(AsymmetricFriction { dmu, dv }) })
 }
 
-/// Linear in both.
+/// Linear in both. A joint whose description has a constant torque has no Δμ besides: only at rest would they differ.
 #[derive(Debug)]
 struct AsymmetryLaw {
     parameters: Parameters,
@@ -86,15 +86,18 @@ impl Law for AsymmetryLaw {
 
 impl AsymmetryLaw {
     fn act<T: Quantity>(&self, _hook: Hook, at: &At<'_, T>, torque: T) -> T {
-        let [dmu, dv] = *at.parameters else { return torque };
-        torque + dmu * at.friction_sign.abs() + dv * at.friction_speed.abs()
+        match *at.parameters {
+            [dmu, dv] => torque + dmu * at.friction_sign.abs() + dv * at.friction_speed.abs(),
+            [dv] => torque + dv * at.friction_speed.abs(),
+            _ => torque,
+        }
     }
 }
 
 fn laws(robot: &Robot) -> Laws {
     let joints = draw::some(EFFECT.id, draw::rubbing(robot), draw::NO_FRICTION)?;
-    let mut parameters = Parameters::new(EFFECT.id);
-    for &joint in &joints {
+    let mut parameters = Parameters::on(EFFECT.id, robot);
+    for &joint in joints.iter().filter(|&&joint| !draw::has_offset(robot, joint)) {
         parameters.plain("dmu", "N m", Of::Joint(joint), 0.0);
     }
     for joint in joints {

@@ -57,13 +57,13 @@ impl Physics for Backlash {
 fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectError> {
     let joints = draw::some(EFFECT.id, draw::elastic(robot), draw::NO_BELT)?;
     let half_gap = draw::per_joint(robot, &joints, size, HALF_GAP_RAD, |_| 1.0, rng);
-    Ok(gaps(half_gap))
+    Ok(gaps(robot, half_gap))
 }
 
 /// Free play of these half gaps, rad, one a joint; zero is none.
-pub(crate) fn gaps(half_gap: Vec<f64>) -> Hidden {
+pub(crate) fn gaps(robot: &Robot, half_gap: Vec<f64>) -> Hidden {
     let joints: Vec<usize> = (0..half_gap.len()).filter(|joint| half_gap[*joint] > 0.0).collect();
-    let values = draw::of_joints(EFFECT.id, "h", "rad", &joints, &half_gap).collect();
+    let values = draw::of_joints((EFFECT.id, robot), "h", "rad", &joints, &half_gap).collect();
     Hidden { id: EFFECT.id, values, physics: Box::new(Backlash { half_gap }) }
 }
 
@@ -104,9 +104,10 @@ impl BacklashLaw {
 
 fn laws(robot: &Robot) -> Laws {
     let joints = draw::some(EFFECT.id, draw::elastic(robot), draw::NO_BELT)?;
-    let mut parameters = Parameters::new(EFFECT.id);
+    let mut parameters = Parameters::on(EFFECT.id, robot);
     for joint in joints {
         parameters.plain("h", "rad", Of::Joint(joint), START_RAD);
     }
+    parameters.within("h", [0.0, 0.1]);
     only(BacklashLaw { parameters })
 }

@@ -119,7 +119,7 @@ fn laws(robot: &Robot) -> Laws {
     let with = |hz: f64| {
         let k = inertia.map(|inertia| (TAU * hz).powi(2) * inertia);
         let d = [0, 1].map(|axis| 2.0 * DAMPING_RATIO * (k[axis] * inertia[axis]).sqrt());
-        let mut parameters = Parameters::new(EFFECT.id);
+        let mut parameters = Parameters::on(EFFECT.id, robot);
         let stiffness = [0, 1].map(|axis| parameters.positive("k", "N m/rad", Of::Axis(axis), k[axis]));
         let damping = [0, 1].map(|axis| parameters.positive("d", "N m s/rad", Of::Axis(axis), d[axis]));
         let joint =

@@ -48,7 +48,7 @@ fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectEr
     let joints = draw::some(EFFECT.id, draw::elastic(robot), draw::NO_BELT)?;
     let unit = |joint| draw::nominal(robot, Symbol::KS, joint) / WINDUP_RAD.powi(2);
     let k3 = draw::per_joint(robot, &joints, size, SHARE, unit, rng);
-    let values = draw::of_joints(EFFECT.id, "k3", "N m/rad^3", &joints, &k3).collect();
+    let values = draw::of_joints((EFFECT.id, robot), "k3", "N m/rad^3", &joints, &k3).collect();
     Ok(Hidden { id: EFFECT.id, values, physics: Box::new(BeltHardening { k3 }) })
 }
 
@@ -80,9 +80,10 @@ impl HardeningLaw {
 
 fn laws(robot: &Robot) -> Laws {
     let joints = draw::some(EFFECT.id, draw::elastic(robot), draw::NO_BELT)?;
-    let mut parameters = Parameters::new(EFFECT.id);
+    let mut parameters = Parameters::on(EFFECT.id, robot);
     for joint in joints {
         parameters.plain("k3", "N m/rad^3", Of::Joint(joint), 0.0);
     }
+    parameters.within("k3", [0.0, f64::INFINITY]);
     only(HardeningLaw { parameters })
 }

@@ -63,8 +63,8 @@ fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectEr
     let k1 = draw::per_joint(robot, &joints, size, SHARE, |j| draw::nominal(robot, Symbol::KS, j), rng);
     let logarithms = RELAXATION_S.start.ln()..RELAXATION_S.end.ln();
     let relaxation_s: Vec<f64> = k1.iter().map(|_| rng.random_range(logarithms.clone()).exp()).collect();
-    let mut values: Vec<_> = draw::of_joints(EFFECT.id, "k1", "N m/rad", &joints, &k1).collect();
-    values.extend(draw::of_joints(EFFECT.id, "tau", "s", &joints, &relaxation_s));
+    let mut values: Vec<_> = draw::of_joints((EFFECT.id, robot), "k1", "N m/rad", &joints, &k1).collect();
+    values.extend(draw::of_joints((EFFECT.id, robot), "tau", "s", &joints, &relaxation_s));
     Ok(Hidden { id: EFFECT.id, values, physics: Box::new(BeltHysteresis { k1, relaxation_s }) })
 }
 
@@ -113,13 +113,15 @@ impl HysteresisLaw {
 fn laws(robot: &Robot) -> Laws {
     let joints = draw::some(EFFECT.id, draw::elastic(robot), draw::NO_BELT)?;
     let with = |start_s: f64| {
-        let mut parameters = Parameters::new(EFFECT.id);
+        let mut parameters = Parameters::on(EFFECT.id, robot);
         for &joint in &joints {
             parameters.plain("k1", "N m/rad", Of::Joint(joint), SHARE[0] * draw::nominal(robot, Symbol::KS, joint));
         }
+        parameters.within("k1", [0.0, f64::INFINITY]);
         for &joint in &joints {
             parameters.positive("tau", "s", Of::Joint(joint), start_s);
         }
+        parameters.within("tau", [1e-3, 0.5]);
         let sigma = |joint| SIGMA_RAD * draw::nominal(robot, Symbol::KS, joint);
         let sigma = (0..robot.joints.len()).map(sigma).collect();
         HysteresisLaw { parameters, joints: joints.clone(), sigma }

@@ -41,7 +41,7 @@ fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectEr
     let joints = draw::some(EFFECT.id, draw::elastic(robot), draw::NO_BELT)?;
     let mut ratio = draw::per_joint(robot, &joints, size, RATIO, |_| 1.0, rng);
     draw::either_sign(&mut ratio, size, rng);
-    let values = draw::of_joints(EFFECT.id, "r", "1", &joints, &ratio).collect();
+    let values = draw::of_joints((EFFECT.id, robot), "r", "1", &joints, &ratio).collect();
     Ok(Hidden { id: EFFECT.id, values, physics: Box::new(BeltSlackSide { ratio }) })
 }
 
@@ -72,9 +72,10 @@ impl SlackSideLaw {
 
 fn laws(robot: &Robot) -> Laws {
     let joints = draw::some(EFFECT.id, draw::elastic(robot), draw::NO_BELT)?;
-    let mut parameters = Parameters::new(EFFECT.id);
+    let mut parameters = Parameters::on(EFFECT.id, robot);
     for joint in joints {
         parameters.plain("r", "1", Of::Joint(joint), 0.0);
     }
+    parameters.within("r", [-0.9, 0.9]);
     only(SlackSideLaw { parameters })
 }

@@ -124,7 +124,7 @@ fn laws(robot: &Robot) -> Laws {
     let joints = draw::some(EFFECT.id, draw::elastic(robot), draw::NO_BELT)?;
     let starts = joints.iter().flat_map(|&joint| (1..30).map(move |second| (joint, f64::from(second))));
     each(starts.map(|(joint, start_s)| {
-        let mut parameters = Parameters::new(EFFECT.id);
+        let mut parameters = Parameters::on(EFFECT.id, robot);
         parameters.plain("step", "rad", Of::Joint(joint), 0.0);
         parameters.plain("t", "s", Of::Joint(joint), start_s);
         SkipLaw { parameters, joint, width_s: WIDTH_S }

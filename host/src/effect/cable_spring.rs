@@ -45,7 +45,7 @@ impl Physics for CableSpring {
 fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectError> {
     let joints = draw::some(EFFECT.id, draw::elastic(robot), draw::NO_BELT)?;
     let k_c = draw::per_joint(robot, &joints, size, SHARE, |j| draw::nominal(robot, Symbol::KS, j), rng);
-    let values = draw::of_joints(EFFECT.id, "k_c", "N m/rad", &joints, &k_c).collect();
+    let values = draw::of_joints((EFFECT.id, robot), "k_c", "N m/rad", &joints, &k_c).collect();
     Ok(Hidden { id: EFFECT.id, values, physics: Box::new(CableSpring { k_c }) })
 }
 
@@ -76,7 +76,7 @@ impl CableLaw {
 
 fn laws(robot: &Robot) -> Laws {
     let joints = draw::some(EFFECT.id, draw::elastic(robot), draw::NO_BELT)?;
-    let mut parameters = Parameters::new(EFFECT.id);
+    let mut parameters = Parameters::on(EFFECT.id, robot);
     for joint in joints {
         parameters.plain("k_c", "N m/rad", Of::Joint(joint), 0.0);
     }

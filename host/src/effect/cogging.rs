@@ -53,9 +53,9 @@ fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectEr
     let amplitude = draw::per_joint(robot, &joints, size, AMPLITUDE, |j| draw::full_torque(robot, j), rng);
     let periods = f64::from(rng.random_range(PERIODS));
     let phase = draw::phases(robot, rng);
-    let mut values: Vec<_> = draw::of_joints(EFFECT.id, "A", "N m", &joints, &amplitude).collect();
+    let mut values: Vec<_> = draw::of_joints((EFFECT.id, robot), "A", "N m", &joints, &amplitude).collect();
     values.push(draw::single(EFFECT.id, "p", "1", periods));
-    values.extend(draw::of_joints(EFFECT.id, "phi", "rad", &joints, &phase));
+    values.extend(draw::of_joints((EFFECT.id, robot), "phi", "rad", &joints, &phase));
     let per_turn = robot.joints.iter().map(|joint| periods * joint.gear).collect();
     Ok(Hidden { id: EFFECT.id, values, physics: Box::new(Cogging { amplitude, per_turn, phase }) })
 }
@@ -89,10 +89,10 @@ impl CoggingLaw {
 }
 
 fn laws(robot: &Robot) -> Laws {
-    let joints = draw::driven(EFFECT.id, robot)?;
+    let joints = draw::all(robot);
     let with = |periods: u8| {
         let periods = f64::from(periods);
-        let mut parameters = Parameters::new(EFFECT.id);
+        let mut parameters = Parameters::on(EFFECT.id, robot);
         for &joint in &joints {
             parameters.wave(("A", "N m"), "phi", Of::Joint(joint), [0.0; 2]);
         }

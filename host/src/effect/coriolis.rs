@@ -71,7 +71,8 @@ fn laws(robot: &Robot) -> Laws {
     if robot.joints.len() < 2 {
         return Err(unsuited("one joint alone has no such torques"));
     }
-    let mut parameters = Parameters::new(EFFECT.id);
+    let mut parameters = Parameters::on(EFFECT.id, robot);
     parameters.plain("scale", "1", Of::All, 0.0);
+    parameters.within("scale", [0.0, 1.5]);
     only(CoriolisLaw { parameters })
 }

@@ -85,8 +85,9 @@ fn laws(robot: &Robot) -> Laws {
         return Err(EffectError::Unsuited { effect: EFFECT.id, reason: "no motor is driven by a voltage" });
     }
     let with = |share: f64| {
-        let mut parameters = Parameters::new(EFFECT.id);
+        let mut parameters = Parameters::on(EFFECT.id, robot);
         parameters.positive("T", "N m", Of::All, share * full);
+        parameters.within("T", [0.0, f64::INFINITY]);
         LimitLaw { parameters, corner: CORNER * full }
     };
     each([0.6, 0.8, 0.43].map(with))

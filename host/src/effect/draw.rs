@@ -8,14 +8,15 @@ use std::f64::consts::PI;
 use rand::{Rng, RngExt};
 
 use super::{EffectError, Size, TrueValue};
+use crate::model::law::unit_at;
 use crate::robot::{JointKind, Robot, Symbol, Transmission, Vector3};
 
 /// What a robot lacks that has no elastic joint.
-pub(super) const NO_BELT: &str = "no joint turns through an elastic transmission";
+pub(super) const NO_BELT: &str = "no joint moves through an elastic transmission";
 /// What a robot without friction lacks.
-pub(super) const NO_FRICTION: &str = "no turning joint has friction";
+pub(super) const NO_FRICTION: &str = "no joint has friction";
 /// What a robot lacks whose motors are not driven by a voltage.
-pub(super) const NO_VOLTAGE: &str = "no joint is turned by a voltage";
+pub(super) const NO_VOLTAGE: &str = "no joint is driven by a voltage";
 
 /// The joints that an effect acts on; a robot without any cannot have it, for this reason.
 pub(super) fn some(effect: &'static str, joints: Vec<usize>, reason: &'static str) -> Result<Vec<usize>, EffectError> {
@@ -27,18 +28,35 @@ pub(super) fn turning(robot: &Robot) -> Vec<usize> {
     (0..robot.joints.len()).filter(|joint| robot.joints[*joint].kind == JointKind::Revolute).collect()
 }
 
-/// Joints that turn through an elastic transmission.
+/// All joints.
+pub(super) fn all(robot: &Robot) -> Vec<usize> {
+    (0..robot.joints.len()).collect()
+}
+
+/// Joints that move through an elastic transmission.
 pub(super) fn elastic(robot: &Robot) -> Vec<usize> {
-    let mut joints = turning(robot);
+    let mut joints = all(robot);
     joints.retain(|joint| robot.joints[*joint].transmission == Transmission::Elastic);
     joints
 }
 
-/// Joints that turn and have friction.
+/// Joints that have friction.
 pub(super) fn rubbing(robot: &Robot) -> Vec<usize> {
+    let mut joints = all(robot);
+    joints.retain(|joint| nominal(robot, Symbol::Mu, *joint) > 0.0);
+    joints
+}
+
+/// Joints that turn and have friction.
+pub(super) fn rubbing_by_turns(robot: &Robot) -> Vec<usize> {
     let mut joints = turning(robot);
     joints.retain(|joint| nominal(robot, Symbol::Mu, *joint) > 0.0);
     joints
+}
+
+/// Whether the description has a constant torque on this joint already, known or not.
+pub(super) fn has_offset(robot: &Robot, joint: usize) -> bool {
+    robot.joint_parameter(Symbol::O, joint).is_some()
 }
 
 /// What a parameter is on the average simulated robot of this description; zero if it has none.
@@ -51,12 +69,17 @@ pub(super) fn full_torque(robot: &Robot, joint: usize) -> f64 {
     nominal(robot, Symbol::KPwm, joint) * robot.input.scale
 }
 
-/// Joints of `effect` that turn and whose motor is driven by a voltage.
+/// What torques at a joint are measured by: the motor's at full voltage, or ten times its friction where that is not known, N m.
+pub(super) fn torque_scale(robot: &Robot, joint: usize) -> f64 {
+    full_torque(robot, joint).max(10.0 * nominal(robot, Symbol::Mu, joint))
+}
+
+/// Joints of `effect` whose motor is driven by a voltage.
 ///
 /// # Errors
 /// [`EffectError::Unsuited`] where there is none.
 pub(super) fn driven(effect: &'static str, robot: &Robot) -> Result<Vec<usize>, EffectError> {
-    let mut joints = turning(robot);
+    let mut joints = all(robot);
     joints.retain(|joint| full_torque(robot, *joint) > 0.0);
     some(effect, joints, NO_VOLTAGE)
 }
@@ -110,9 +133,9 @@ pub(super) fn phases(robot: &Robot, rng: &mut dyn Rng) -> Vec<f64> {
     robot.joints.iter().map(|_| rng.random_range(-PI..PI)).collect()
 }
 
-/// The truth about a value that joints have each for themselves.
+/// The truth about a value that joints have each for themselves; `unit` is that of a joint that turns.
 pub(super) fn of_joints<'a>(
-    id: &'static str,
+    (id, robot): (&'static str, &'a Robot),
     symbol: &'a str,
     unit: &'static str,
     joints: &'a [usize],
@@ -120,9 +143,16 @@ pub(super) fn of_joints<'a>(
 ) -> impl Iterator<Item = TrueValue> + 'a {
     joints.iter().map(move |joint| TrueValue {
         name: format!("{id}.{symbol}[{}]", joint + 1),
-        unit,
+        unit: if symbol == "phi" { unit } else { unit_at(robot.joints[*joint].kind, unit) },
         value: values[*joint],
     })
+}
+
+/// The truth about a value that gyros have each for themselves.
+pub(super) fn of_gyros(id: &'static str, symbol: &str, unit: &'static str, values: &[f64]) -> Vec<TrueValue> {
+    let value =
+        |(gyro, value): (usize, &f64)| TrueValue { name: format!("{id}.{symbol}[{}]", gyro + 1), unit, value: *value };
+    values.iter().enumerate().map(value).collect()
 }
 
 /// The truth about a value that gyros have on each axis.

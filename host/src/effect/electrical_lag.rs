@@ -98,9 +98,10 @@ impl LagLaw {
 
 fn laws(robot: &Robot) -> Laws {
     let with = |start_s: f64| {
-        let mut parameters = Parameters::new(EFFECT.id);
+        let mut parameters = Parameters::on(EFFECT.id, robot);
         parameters.positive("T", "s", Of::All, start_s);
-        let sigma = |joint| SIGMA * draw::full_torque(robot, joint).max(1.0);
+        parameters.within("T", [0.0, 0.02]);
+        let sigma = |joint| SIGMA * draw::torque_scale(robot, joint).max(1.0);
         LagLaw { parameters, sigma: (0..robot.joints.len()).map(sigma).collect() }
     };
     each([1.8, 0.8, 4.0].map(|periods| with(periods * robot.sample_period_s)))

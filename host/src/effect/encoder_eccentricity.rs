@@ -51,8 +51,8 @@ fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectEr
     let joints = joints(robot)?;
     let error = draw::per_joint(robot, &joints, size, ERROR_RAD, |_| 1.0, rng);
     let phase = draw::phases(robot, rng);
-    let mut values: Vec<_> = draw::of_joints(EFFECT.id, "e", "rad", &joints, &error).collect();
-    values.extend(draw::of_joints(EFFECT.id, "phi", "rad", &joints, &phase));
+    let mut values: Vec<_> = draw::of_joints((EFFECT.id, robot), "e", "rad", &joints, &error).collect();
+    values.extend(draw::of_joints((EFFECT.id, robot), "phi", "rad", &joints, &phase));
     Ok(Hidden { id: EFFECT.id, values, physics: Box::new(EncoderEccentricity { error, phase }) })
 }
 
@@ -80,7 +80,7 @@ impl Law for EccentricityLaw {
 
 fn laws(robot: &Robot) -> Laws {
     let joints = joints(robot)?;
-    let mut parameters = Parameters::new(EFFECT.id);
+    let mut parameters = Parameters::on(EFFECT.id, robot);
     for &joint in &joints {
         parameters.wave(("e", "rad"), "phi", Of::Joint(joint), [0.0; 2]);
     }

@@ -60,7 +60,10 @@ fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectEr
 /// A search does not look further, samples.
 const MOST_SAMPLES: f64 = 50.0;
 
-/// Readings are compared whole samples later, and the rest of T by the speed. One T a joint, on the side whose encoder comes first.
+/// Readings are compared whole samples later, and the rest of T by the speed.
+///
+/// One T a joint. Where motor and link both have an encoder it is the link's: against the other one both show, and a T below zero means
+/// that the motor's is the late one.
 #[derive(Debug)]
 struct LateLaw {
     parameters: Parameters,
@@ -87,19 +90,17 @@ impl Law for LateLaw {
 }
 
 fn laws(robot: &Robot) -> Laws {
-    let mut encoders: Vec<(Side, usize)> = Vec::new();
-    for encoder in encoders_of(robot) {
-        if encoders.iter().all(|(_, joint)| *joint != encoder.1) {
-            encoders.push(encoder);
-        }
-    }
+    let mut encoders: Vec<(Side, usize)> = encoders_of(robot).collect();
+    encoders.sort_by_key(|(side, joint)| (*joint, *side == Side::Motor));
+    encoders.dedup_by_key(|(_, joint)| *joint);
     if encoders.is_empty() {
         return Err(EffectError::Unsuited { effect: EFFECT.id, reason: "the robot has no encoder" });
     }
-    let mut parameters = Parameters::new(EFFECT.id);
+    let mut parameters = Parameters::on(EFFECT.id, robot);
     for (_, joint) in &encoders {
         parameters.plain("T", "s", Of::Joint(*joint), 0.0);
     }
+    parameters.within("T", [-0.02, 0.02]);
     only(LateLaw { parameters, encoders })
 }
 

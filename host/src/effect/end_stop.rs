@@ -74,8 +74,8 @@ fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectEr
     let stiffest = joints.iter().map(|joint| draw::nominal(robot, Symbol::KS, *joint)).fold(0.0, f64::max);
     let k = stiffest * rng.random_range(STIFFNESS);
     let [q_min, q_max] = stops;
-    let mut values: Vec<_> = draw::of_joints(EFFECT.id, "q_max", "rad", &joints, &q_max).collect();
-    values.extend(draw::of_joints(EFFECT.id, "q_min", "rad", &joints, &q_min));
+    let mut values: Vec<_> = draw::of_joints((EFFECT.id, robot), "q_max", "rad", &joints, &q_max).collect();
+    values.extend(draw::of_joints((EFFECT.id, robot), "q_min", "rad", &joints, &q_min));
     values.push(draw::single(EFFECT.id, "k", "N m/rad", k));
     Ok(Hidden { id: EFFECT.id, values, physics: Box::new(EndStop { q_min, q_max, k }) })
 }
@@ -118,7 +118,7 @@ fn laws(robot: &Robot) -> Laws {
     let joints = draw::some(EFFECT.id, joints, "no joint turns to both sides through an elastic transmission")?;
     let stiffest = joints.iter().map(|joint| draw::nominal(robot, Symbol::KS, *joint)).fold(0.0, f64::max);
     let with = |share: f64| {
-        let mut parameters = Parameters::new(EFFECT.id);
+        let mut parameters = Parameters::on(EFFECT.id, robot);
         for (side, name) in ["q_min", "q_max"].into_iter().enumerate().rev() {
             for &joint in &joints {
                 parameters.plain(name, "rad", Of::Joint(joint), share * robot.joints[joint].limits[side]);

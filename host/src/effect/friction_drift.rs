@@ -47,7 +47,7 @@ fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectEr
     let joints = draw::some(EFFECT.id, draw::rubbing(robot), draw::NO_FRICTION)?;
     let ratio = draw::per_joint(robot, &joints, size, RATIO, |_| 1.0, rng);
     let time_constant_s = rng.random_range(TIME_CONSTANT_S);
-    let mut values: Vec<_> = draw::of_joints(EFFECT.id, "a", "1", &joints, &ratio).collect();
+    let mut values: Vec<_> = draw::of_joints((EFFECT.id, robot), "a", "1", &joints, &ratio).collect();
     values.push(draw::single(EFFECT.id, "T", "s", time_constant_s));
     Ok(Hidden { id: EFFECT.id, values, physics: Box::new(FrictionDrift { ratio, time_constant_s }) })
 }
@@ -83,10 +83,11 @@ impl DriftLaw {
 
 fn laws(robot: &Robot) -> Laws {
     let joints = draw::some(EFFECT.id, draw::rubbing(robot), draw::NO_FRICTION)?;
-    let mut parameters = Parameters::new(EFFECT.id);
+    let mut parameters = Parameters::on(EFFECT.id, robot);
     for joint in joints {
         parameters.plain("a", "1", Of::Joint(joint), 0.0);
     }
     parameters.positive("T", "s", Of::All, START_S);
+    parameters.within("T", [1.0, 1e3]);
     only(DriftLaw { parameters })
 }

@@ -54,8 +54,8 @@ fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectEr
     let mut torque = draw::per_joint(robot, &joints, size, SHARE, |j| draw::full_torque(robot, j), rng);
     draw::either_sign(&mut torque, size, rng);
     let angle: Vec<f64> = torque.iter().map(|_| rng.random_range(ANGLE_RAD)).collect();
-    let mut values: Vec<_> = draw::of_joints(EFFECT.id, "G", "N m", &joints, &torque).collect();
-    values.extend(draw::of_joints(EFFECT.id, "q0", "rad", &joints, &angle));
+    let mut values: Vec<_> = draw::of_joints((EFFECT.id, robot), "G", "N m", &joints, &torque).collect();
+    values.extend(draw::of_joints((EFFECT.id, robot), "q0", "rad", &joints, &angle));
     Ok(Hidden { id: EFFECT.id, values, physics: Box::new(GravityResidual { torque, angle }) })
 }
 
@@ -87,9 +87,9 @@ impl GravityLaw {
 
 fn laws(robot: &Robot) -> Laws {
     let mut joints = draw::turning(robot);
-    joints.retain(|j| robot.joints[*j].gravity == GravityLoad::Compensated && draw::full_torque(robot, *j) > 0.0);
+    joints.retain(|j| robot.joints[*j].gravity == GravityLoad::Compensated);
     let joints = draw::some(EFFECT.id, joints, "no joint's gravity is compensated")?;
-    let mut parameters = Parameters::new(EFFECT.id);
+    let mut parameters = Parameters::on(EFFECT.id, robot);
     for joint in joints {
         parameters.signed_wave(("G", "N m"), "q0", Of::Joint(joint), [0.0; 2]);
     }

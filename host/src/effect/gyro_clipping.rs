@@ -49,8 +49,7 @@ fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectEr
     if full_scale.is_empty() {
         return Err(EffectError::Unsuited { effect: EFFECT.id, reason: "the robot has no gyro" });
     }
-    let gyros: Vec<usize> = (0..full_scale.len()).collect();
-    let values = draw::of_joints(EFFECT.id, "fs", "rad/s", &gyros, &full_scale).collect();
+    let values = draw::of_gyros(EFFECT.id, "fs", "rad/s", &full_scale);
     Ok(Hidden { id: EFFECT.id, values, physics: Box::new(GyroClipping { full_scale }) })
 }
 
@@ -87,7 +86,7 @@ fn laws(robot: &Robot) -> Laws {
         return Err(EffectError::Unsuited { effect: EFFECT.id, reason: "the robot has no gyro" });
     }
     let with = |start: f64| {
-        let mut parameters = Parameters::new(EFFECT.id);
+        let mut parameters = Parameters::on(EFFECT.id, robot);
         for gyro in 0..gyros {
             parameters.plain("fs", "rad/s", Of::Gyro(gyro), start);
         }

@@ -58,8 +58,7 @@ fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectEr
     if time_constant.is_empty() {
         return Err(EffectError::Unsuited { effect: EFFECT.id, reason: "the robot has no gyro" });
     }
-    let gyros: Vec<usize> = (0..time_constant.len()).collect();
-    let values = draw::of_joints(EFFECT.id, "T", "s", &gyros, &time_constant).collect();
+    let values = draw::of_gyros(EFFECT.id, "T", "s", &time_constant);
     Ok(Hidden { id: EFFECT.id, values, physics: Box::new(GyroLag { time_constant }) })
 }
 
@@ -85,10 +84,11 @@ fn laws(robot: &Robot) -> Laws {
         return Err(EffectError::Unsuited { effect: EFFECT.id, reason: "the robot has no gyro" });
     }
     let with = |start_s: f64| {
-        let mut parameters = Parameters::new(EFFECT.id);
+        let mut parameters = Parameters::on(EFFECT.id, robot);
         for gyro in 0..gyros {
             parameters.positive("T", "s", Of::Gyro(gyro), start_s);
         }
+        parameters.within("T", [0.0, 0.05]);
         FilterLaw { parameters }
     };
     each([1.5, 0.7, 4.0].map(|periods| with(periods * robot.sample_period_s)))

@@ -81,7 +81,7 @@ fn laws(robot: &Robot) -> Laws {
     if gyros == 0 {
         return Err(EffectError::Unsuited { effect: EFFECT.id, reason: "the robot has no gyro" });
     }
-    let mut parameters = Parameters::new(EFFECT.id);
+    let mut parameters = Parameters::on(EFFECT.id, robot);
     for (gyro, axis) in (0..gyros).flat_map(|gyro| [0, 1, 2].map(|axis| (gyro, axis))) {
         parameters.plain("A", "1", Of::GyroAxis(gyro, axis), 0.0);
     }

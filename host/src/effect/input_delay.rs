@@ -80,5 +80,6 @@ impl DelayLaw {
 fn laws(_robot: &Robot) -> Laws {
     let mut parameters = Parameters::new(EFFECT.id);
     parameters.plain("T", "s", Of::All, 0.0);
+    parameters.within("T", [0.0, 0.02]);
     only(DelayLaw { parameters })
 }

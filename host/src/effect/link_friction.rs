@@ -66,8 +66,8 @@ fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectEr
             v[joint] = times_medium * SHARE_OF_KMI[1] * k_mi(joint);
         }
     }
-    let mut values: Vec<_> = draw::of_joints(EFFECT.id, "mu_l", "N m", &joints, &mu).collect();
-    values.extend(draw::of_joints(EFFECT.id, "v_l", "N m s/rad", &joints, &v));
+    let mut values: Vec<_> = draw::of_joints((EFFECT.id, robot), "mu_l", "N m", &joints, &mu).collect();
+    values.extend(draw::of_joints((EFFECT.id, robot), "v_l", "N m s/rad", &joints, &v));
     Ok(Hidden { id: EFFECT.id, values, physics: Box::new(LinkFriction { mu, v }) })
 }
 
@@ -97,11 +97,12 @@ impl LinkFrictionLaw {
 }
 
 fn laws(robot: &Robot) -> Laws {
-    let joints = joints(robot)?;
-    let mut parameters = Parameters::new(EFFECT.id);
+    let joints = draw::some(EFFECT.id, draw::elastic(robot), draw::NO_BELT)?;
+    let mut parameters = Parameters::on(EFFECT.id, robot);
     for &joint in &joints {
         parameters.plain("mu_l", "N m", Of::Joint(joint), 0.0);
     }
+    parameters.within("mu_l", [0.0, f64::INFINITY]);
     for joint in joints {
         parameters.plain("v_l", "N m s/rad", Of::Joint(joint), 0.0);
     }

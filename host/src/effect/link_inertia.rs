@@ -115,7 +115,7 @@ impl Law for PayloadLaw {
 
 fn laws(robot: &Robot) -> Laws {
     let (joint, at_m) = head(robot)?;
-    let mut parameters = Parameters::new(EFFECT.id);
+    let mut parameters = Parameters::on(EFFECT.id, robot);
     let mass = parameters.plain("m", "kg", Of::All, 0.0);
     only(PayloadLaw { parameters, payload: Payload { joint, at_m, mass } })
 }

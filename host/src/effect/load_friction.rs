@@ -46,7 +46,7 @@ fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectEr
     let joints = draw::some(EFFECT.id, joints, "no joint turns with friction through an elastic transmission")?;
     let unit = |joint| 1.0 / (draw::nominal(robot, Symbol::KS, joint) * WINDUP_RAD);
     let a = draw::per_joint(robot, &joints, size, SHARE, unit, rng);
-    let values = draw::of_joints(EFFECT.id, "a", "1/(N m)", &joints, &a).collect();
+    let values = draw::of_joints((EFFECT.id, robot), "a", "1/(N m)", &joints, &a).collect();
     Ok(Hidden { id: EFFECT.id, values, physics: Box::new(LoadFriction { a }) })
 }
 
@@ -79,9 +79,10 @@ fn laws(robot: &Robot) -> Laws {
     let mut joints = draw::elastic(robot);
     joints.retain(|joint| draw::nominal(robot, Symbol::Mu, *joint) > 0.0);
     let joints = draw::some(EFFECT.id, joints, "no joint turns with friction through an elastic transmission")?;
-    let mut parameters = Parameters::new(EFFECT.id);
+    let mut parameters = Parameters::on(EFFECT.id, robot);
     for joint in joints {
         parameters.plain("a", "1/(N m)", Of::Joint(joint), 0.0);
     }
+    parameters.within("a", [0.0, f64::INFINITY]);
     only(LoadLaw { parameters })
 }

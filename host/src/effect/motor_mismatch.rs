@@ -56,7 +56,7 @@ fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectEr
     }
     let differences = SYMBOLS.map(|_| balanced(joints.len(), size.draw(LARGEST, rng), rng));
     let values = SYMBOLS.iter().zip(&differences);
-    let values = values.flat_map(|((_, name), d)| draw::of_joints(EFFECT.id, name, "1", &joints, d));
+    let values = values.flat_map(|((_, name), d)| draw::of_joints((EFFECT.id, robot), name, "1", &joints, d));
     let values = values.collect();
     Ok(Hidden { id: EFFECT.id, values, physics: Box::new(MotorMismatch { differences }) })
 }
@@ -115,7 +115,7 @@ impl MismatchLaw {
 
 fn laws(robot: &Robot) -> Laws {
     let joints: Vec<usize> = (0..robot.joints.len()).collect();
-    let mut parameters = Parameters::new(EFFECT.id);
+    let mut parameters = Parameters::on(EFFECT.id, robot);
     let differences =
         SYMBOLS.map(|(symbol, name)| Differences::of(robot, &mut parameters, (symbol, name, "1"), &joints));
     if differences.iter().all(Differences::is_empty) {

@@ -26,6 +26,9 @@ pub(super) const EFFECT: Effect = Effect {
     laws,
 };
 
+/// What a robot lacks whose turning joints have no friction.
+const NO_TURNING_FRICTION: &str = "no turning joint has friction";
+
 const RATIO: [f64; 3] = [0.06, 0.14, 0.26];
 
 #[derive(Debug)]
@@ -43,11 +46,11 @@ impl Physics for PositionFriction {
 }
 
 fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectError> {
-    let joints = draw::some(EFFECT.id, draw::rubbing(robot), draw::NO_FRICTION)?;
+    let joints = draw::some(EFFECT.id, draw::rubbing_by_turns(robot), NO_TURNING_FRICTION)?;
     let ratio = draw::per_joint(robot, &joints, size, RATIO, |_| 1.0, rng);
     let phase = draw::phases(robot, rng);
-    let mut values: Vec<_> = draw::of_joints(EFFECT.id, "a", "1", &joints, &ratio).collect();
-    values.extend(draw::of_joints(EFFECT.id, "phi", "rad", &joints, &phase));
+    let mut values: Vec<_> = draw::of_joints((EFFECT.id, robot), "a", "1", &joints, &ratio).collect();
+    values.extend(draw::of_joints((EFFECT.id, robot), "phi", "rad", &joints, &phase));
     Ok(Hidden { id: EFFECT.id, values, physics: Box::new(PositionFriction { ratio, phase }) })
 }
 
@@ -78,8 +81,8 @@ impl PositionLaw {
 }
 
 fn laws(robot: &Robot) -> Laws {
-    let joints = draw::some(EFFECT.id, draw::rubbing(robot), draw::NO_FRICTION)?;
-    let mut parameters = Parameters::new(EFFECT.id);
+    let joints = draw::some(EFFECT.id, draw::rubbing_by_turns(robot), NO_TURNING_FRICTION)?;
+    let mut parameters = Parameters::on(EFFECT.id, robot);
     for joint in joints {
         parameters.wave(("a", "1"), "phi", Of::Joint(joint), [0.0; 2]);
     }

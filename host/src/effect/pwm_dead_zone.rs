@@ -48,7 +48,7 @@ fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectEr
     }
     let joints: Vec<usize> = (0..robot.joints.len()).collect();
     let dead_duty = draw::per_joint(robot, &joints, size, DEAD_DUTY, |_| 1.0, rng);
-    let values = draw::of_joints(EFFECT.id, "d", "1", &joints, &dead_duty).collect();
+    let values = draw::of_joints((EFFECT.id, robot), "d", "1", &joints, &dead_duty).collect();
     Ok(Hidden { id: EFFECT.id, values, physics: Box::new(PwmDeadZone { dead_duty }) })
 }
 
@@ -84,9 +84,10 @@ fn laws(robot: &Robot) -> Laws {
     if robot.input.unit != InputUnit::Duty {
         return Err(EffectError::Unsuited { effect: EFFECT.id, reason: "the motors are not driven by a duty" });
     }
-    let mut parameters = Parameters::new(EFFECT.id);
+    let mut parameters = Parameters::on(EFFECT.id, robot);
     for joint in 0..robot.joints.len() {
         parameters.plain("d", "1", Of::Joint(joint), 0.0);
     }
+    parameters.within("d", [0.0, 0.5]);
     only(DeadZoneLaw { parameters })
 }

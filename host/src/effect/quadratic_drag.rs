@@ -44,11 +44,11 @@ fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectEr
         0.0 => 0.0,
         torque => draw::nominal(robot, Symbol::KMi, joint).powi(2) / torque,
     };
-    let mut joints = draw::turning(robot);
+    let mut joints = draw::all(robot);
     joints.retain(|joint| unit(*joint) > 0.0);
     let joints = draw::some(EFFECT.id, joints, draw::NO_VOLTAGE)?;
     let c = draw::per_joint(robot, &joints, size, SHARE, unit, rng);
-    let values = draw::of_joints(EFFECT.id, "c", "N m s^2/rad^2", &joints, &c).collect();
+    let values = draw::of_joints((EFFECT.id, robot), "c", "N m s^2/rad^2", &joints, &c).collect();
     Ok(Hidden { id: EFFECT.id, values, physics: Box::new(QuadraticDrag { c }) })
 }
 
@@ -78,10 +78,11 @@ impl DragLaw {
 }
 
 fn laws(robot: &Robot) -> Laws {
-    let joints = draw::driven(EFFECT.id, robot)?;
-    let mut parameters = Parameters::new(EFFECT.id);
+    let joints = draw::all(robot);
+    let mut parameters = Parameters::on(EFFECT.id, robot);
     for joint in joints {
         parameters.plain("c", "N m s^2/rad^2", Of::Joint(joint), 0.0);
     }
+    parameters.within("c", [0.0, f64::INFINITY]);
     only(DragLaw { parameters })
 }

@@ -15,7 +15,7 @@ use rand::{Rng, RngExt};
 
 use super::surrogate::{At, Hook, Law, Laws, Of, Parameters, Quantity, acts_on_joints, each};
 use super::{Effect, EffectError, EffectParameter, Hidden, Line, Moment, Physics, Row, Size, draw};
-use crate::robot::{Robot, Symbol};
+use crate::robot::{JointKind, Robot, Symbol};
 
 pub(super) const EFFECT: Effect = Effect {
     id: "stribeck",
@@ -108,7 +108,7 @@ fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectEr
         let sigma_1 = 2.0 * DAMPING_RATIO * (sigma_0 * draw::nominal(robot, Symbol::B, joint)).sqrt();
         bristles[joint] = Bristle { dmu: dmu[joint], sigma_0, sigma_1 };
     }
-    let mut values: Vec<_> = draw::of_joints(EFFECT.id, "dmu", "N m", &joints, &dmu).collect();
+    let mut values: Vec<_> = draw::of_joints((EFFECT.id, robot), "dmu", "N m", &joints, &dmu).collect();
     values.push(draw::single(EFFECT.id, "v_s", "rad/s", speed));
     Ok(Hidden { id: EFFECT.id, values, physics: Box::new(Stribeck { bristles, speed }) })
 }
@@ -147,12 +147,16 @@ impl StribeckLaw {
 
 fn laws(robot: &Robot) -> Laws {
     let joints = draw::some(EFFECT.id, draw::rubbing(robot), draw::NO_FRICTION)?;
+    // A carriage of a tenth of a metre's reach.
+    let slides = joints.iter().all(|joint| robot.joints[*joint].kind == JointKind::Prismatic);
+    let (scale, unit) = if slides { (0.1, "m/s") } else { (1.0, "rad/s") };
     each(SPEEDS_RAD_S.map(|speed| {
-        let mut parameters = Parameters::new(EFFECT.id);
+        let speed = scale * speed;
+        let mut parameters = Parameters::on(EFFECT.id, robot);
         for &joint in &joints {
             parameters.plain("dmu", "N m", Of::Joint(joint), 0.0);
         }
-        parameters.chosen("v_s", "rad/s", speed);
+        parameters.chosen("v_s", unit, speed);
         StribeckLaw { parameters, speed }
     }))
 }

@@ -62,6 +62,12 @@ impl Differences {
         Differences { terms }
     }
 
+    /// A value of its own for every joint, where the description has nothing to differ from.
+    pub(super) fn own(robot: &Robot, parameters: &mut Parameters, (name, unit): (&str, &'static str)) -> Self {
+        let one = |joint| vec![(parameters.plain(name, unit, Of::Joint(joint), 0.0), 1.0)];
+        Differences { terms: (0..robot.joints.len()).map(one).collect() }
+    }
+
     /// Whether no joint has a difference that can be told.
     pub(super) fn is_empty(&self) -> bool {
         self.terms.iter().all(Vec::is_empty)

@@ -46,7 +46,7 @@ fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectEr
     let joints = draw::driven(EFFECT.id, robot)?;
     let mut offset = draw::per_joint(robot, &joints, size, OFFSET, |j| draw::full_torque(robot, j), rng);
     draw::either_sign(&mut offset, size, rng);
-    let values = draw::of_joints(EFFECT.id, "o", "N m", &joints, &offset).collect();
+    let values = draw::of_joints((EFFECT.id, robot), "o", "N m", &joints, &offset).collect();
     Ok(Hidden { id: EFFECT.id, values, physics: Box::new(TorqueOffset { offset }) })
 }
 
@@ -76,8 +76,10 @@ impl OffsetLaw {
 }
 
 fn laws(robot: &Robot) -> Laws {
-    let joints = draw::driven(EFFECT.id, robot)?;
-    let mut parameters = Parameters::new(EFFECT.id);
+    let mut joints = draw::all(robot);
+    joints.retain(|joint| !draw::has_offset(robot, *joint));
+    let joints = draw::some(EFFECT.id, joints, "the description has a constant torque on every joint")?;
+    let mut parameters = Parameters::on(EFFECT.id, robot);
     for joint in joints {
         parameters.plain("o", "N m", Of::Joint(joint), 0.0);
     }

@@ -48,14 +48,14 @@ impl Physics for ViscousFriction {
 }
 
 fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectError> {
-    let mut joints = draw::turning(robot);
+    let mut joints = draw::all(robot);
     joints.retain(|joint| draw::nominal(robot, Symbol::KMi, *joint) > 0.0);
-    let joints = draw::some(EFFECT.id, joints, "no turning joint has a back-EMF to compare with")?;
+    let joints = draw::some(EFFECT.id, joints, "no joint has a back-EMF to compare with")?;
     let mut v = draw::per_joint(robot, &joints, size, SHARE, |j| draw::nominal(robot, Symbol::KMi, j), rng);
     if !matches!(size, Size::Exact(_)) {
         v.iter_mut().for_each(|v| *v *= rng.random_range(SPREAD));
     }
-    let values = draw::of_joints(EFFECT.id, "v", "N m s/rad", &joints, &v).collect();
+    let values = draw::of_joints((EFFECT.id, robot), "v", "N m s/rad", &joints, &v).collect();
     Ok(Hidden { id: EFFECT.id, values, physics: Box::new(ViscousFriction { v }) })
 }
 
@@ -89,12 +89,16 @@ impl ViscousLaw {
 }
 
 fn laws(robot: &Robot) -> Laws {
-    let mut joints = draw::turning(robot);
-    joints.retain(|joint| draw::nominal(robot, Symbol::KMi, *joint) > 0.0);
-    let mut parameters = Parameters::new(EFFECT.id);
-    let differences = Differences::of(robot, &mut parameters, (Symbol::KMi, "v", "N m s/rad"), &joints);
+    let mut parameters = Parameters::on(EFFECT.id, robot);
+    let compared = |symbol| robot.parameters().iter().any(|spec| spec.symbol == symbol);
+    let symbol = if compared(Symbol::V) { Symbol::V } else { Symbol::KMi };
+    let differences = if compared(symbol) {
+        Differences::of(robot, &mut parameters, (symbol, "v", "N m s/rad"), &draw::all(robot))
+    } else {
+        Differences::own(robot, &mut parameters, ("v", "N m s/rad"))
+    };
     if differences.is_empty() {
-        let reason = "every joint has a back-EMF of its own, which is viscous friction by another name";
+        let reason = "every joint has a back-EMF or viscous friction of its own in the description";
         return Err(EffectError::Unsuited { effect: EFFECT.id, reason });
     }
     only(ViscousLaw { parameters, differences })

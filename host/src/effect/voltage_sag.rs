@@ -81,7 +81,8 @@ fn laws(robot: &Robot) -> Laws {
     if robot.input.unit != InputUnit::Duty {
         return Err(EffectError::Unsuited { effect: EFFECT.id, reason: "the motors are not driven by a duty" });
     }
-    let mut parameters = Parameters::new(EFFECT.id);
+    let mut parameters = Parameters::on(EFFECT.id, robot);
     parameters.plain("r", "V/(N m)", Of::All, 0.0);
+    parameters.within("r", [0.0, f64::INFINITY]);
     only(SagLaw { parameters })
 }

@@ -1,9 +1,10 @@
 //! What drives one joint: input → motor torque → friction → transmission, generic over the scalar.
 //!
 //! ```text
-//! u ─▶ τ_m = G U u − k_mi θ̇ ─▶ − τ_f = 2 μ (1/(1+exp(−κ v)) − ½) ─▶ b θ̈ = τ_c + τ_m − τ_f      (7), (11), (12)
+//! u ─▶ τ_m = G U u − k_mi θ̇ ─▶ − τ_f = 2 μ (1/(1+exp(−κ v)) − ½) + o ─▶ b θ̈ = τ_c + τ_m − τ_f  (7), (11), (12)
 //!                                                                    τ_c = k_s (q − θ) + d_s (q̇ − θ̇)  (6)
 //! ```
+//! Where the input is no voltage, viscous friction v stands in the place of k_mi. o is a constant torque, zero unless the robot has one.
 //! Laws of effects are asked at the quantities that they may change, on the same way.
 
 use super::law::{Asked, At, Hook, Law};
@@ -22,8 +23,11 @@ pub(super) struct Drive {
     back_emf: Source,
     inertia: Source,
     coulomb: Source,
+    offset: Source,
     stiffness: Source,
     damping: Source,
+    /// The viscous term is friction, and holds the link back.
+    viscous_at_link: bool,
 }
 
 /// Positions and speeds of both sides of one transmission, and the input.
@@ -51,46 +55,74 @@ pub(super) struct Action<T> {
 pub(super) struct Coefficients<T> {
     /// 1/b for elastic drives, b for rigid ones.
     pub(super) inertia: T,
-    /// G, k_mi, μ: divided by b for elastic drives.
+    /// G, k_mi (or v), μ, o: divided by b for elastic drives.
     pub(super) torque_constant: T,
     pub(super) back_emf: T,
     pub(super) coulomb: T,
     pub(super) stiffness: T,
     pub(super) damping: T,
+    /// See G.
+    pub(super) offset: T,
 }
 
 impl<T: Copy> Coefficients<T> {
     /// Number of coefficients.
-    pub(super) const COUNT: usize = 6;
+    pub(super) const COUNT: usize = 7;
 
     /// As a list.
-    pub(super) fn to_array(self) -> [T; 6] {
-        [self.inertia, self.torque_constant, self.back_emf, self.coulomb, self.stiffness, self.damping]
+    pub(super) fn to_array(self) -> [T; 7] {
+        [self.inertia, self.torque_constant, self.back_emf, self.coulomb, self.stiffness, self.damping, self.offset]
     }
 
     /// From a list.
-    pub(super) fn from_array([inertia, torque_constant, back_emf, coulomb, stiffness, damping]: [T; 6]) -> Self {
-        Coefficients { inertia, torque_constant, back_emf, coulomb, stiffness, damping }
+    pub(super) fn from_array(
+        [inertia, torque_constant, back_emf, coulomb, stiffness, damping, offset]: [T; 7],
+    ) -> Self {
+        Coefficients { inertia, torque_constant, back_emf, coulomb, stiffness, damping, offset }
     }
 }
 
 impl Drive {
     pub(super) fn of(robot: &Robot, coordinates: &Coordinates, joint: usize) -> Self {
         let source = |symbol| coordinates.source(robot, symbol, joint);
+        let friction = robot.joints[joint].friction;
+        let by_voltage = matches!(robot.input.unit, InputUnit::Duty | InputUnit::Volt);
         Drive {
             input_scale: robot.input.scale,
-            friction: robot.joints[joint].friction,
+            viscous_at_link: !by_voltage && matches!(friction, Friction::Coulomb { acts: Side::Link, .. }),
+            friction,
             torque_constant: match robot.input.unit {
                 InputUnit::Duty | InputUnit::Volt => source(Symbol::KPwm),
                 InputUnit::Ampere => source(Symbol::KT),
                 InputUnit::NewtonMetre | InputUnit::Newton => Source::Known(1.0),
             },
-            back_emf: source(Symbol::KMi),
+            back_emf: match robot.input.unit {
+                InputUnit::Duty | InputUnit::Volt => source(Symbol::KMi),
+                InputUnit::Ampere | InputUnit::NewtonMetre | InputUnit::Newton => source(Symbol::V),
+            },
             inertia: source(Symbol::B),
             coulomb: source(Symbol::Mu),
+            offset: source(Symbol::O),
             stiffness: source(Symbol::KS),
             damping: source(Symbol::DS),
         }
+    }
+
+    /// Whether nothing but back-EMF and Coulomb friction holds it back, and both the motor.
+    pub(super) fn is_plain(&self) -> bool {
+        self.offset == Source::Known(0.0) && !self.rubs_at_link()
+    }
+
+    /// Whether friction holds the link back.
+    fn rubs_at_link(&self) -> bool {
+        matches!(self.friction, Friction::Coulomb { acts: Side::Link, .. })
+    }
+
+    /// What is lost at a speed by back-EMF or viscous friction, on the motor and on the link, over b for elastic drives.
+    #[inline(always)]
+    fn viscous<T: Quantity>(&self, back_emf: T, s: &Sides<T>) -> (T, T) {
+        let zero = T::from(0.0);
+        if self.viscous_at_link { (zero, back_emf * s.qd) } else { (back_emf * s.thetad, zero) }
     }
 
     /// The coefficients of this drive at the solver coordinates `z`.
@@ -105,6 +137,7 @@ impl Drive {
                     coulomb: self.coulomb.over_inertia(z, inverse),
                     stiffness: self.stiffness.value(z),
                     damping: self.damping.value(z),
+                    offset: self.offset.over_inertia(z, inverse),
                 }
             }
             Transmission::Rigid => Coefficients {
@@ -114,6 +147,7 @@ impl Drive {
                 coulomb: self.coulomb.value(z),
                 stiffness: T::from(0.0),
                 damping: T::from(0.0),
+                offset: self.offset.value(z),
             },
         }
     }
@@ -123,8 +157,8 @@ impl Drive {
     fn slip<T: Quantity>(&self, s: &Sides<T>) -> (T, T) {
         match self.friction {
             Friction::None => (s.thetad, T::from(0.0)),
-            Friction::Coulomb { speed: Side::Motor, slope_s } => (s.thetad, sigmoid(s.thetad * slope_s)),
-            Friction::Coulomb { speed: Side::Link, slope_s } => (s.qd, sigmoid(s.qd * slope_s)),
+            Friction::Coulomb { speed: Side::Motor, slope_s, .. } => (s.thetad, sigmoid(s.thetad * slope_s)),
+            Friction::Coulomb { speed: Side::Link, slope_s, .. } => (s.qd, sigmoid(s.qd * slope_s)),
         }
     }
 
@@ -132,16 +166,23 @@ impl Drive {
     #[inline(always)]
     pub(super) fn elastic<T: Quantity>(&self, c: &Coefficients<T>, s: &Sides<T>) -> Action<T> {
         let torque = c.stiffness * (s.q - s.theta) + c.damping * (s.qd - s.thetad);
-        let motor = c.inertia * torque + c.torque_constant * (s.u * self.input_scale)
-            - c.back_emf * s.thetad
-            - c.coulomb * self.slip(s).1;
-        Action { link_torque: -torque, motor }
+        let driven = c.inertia * torque + c.torque_constant * (s.u * self.input_scale);
+        let friction = c.coulomb * self.slip(s).1 + c.offset;
+        let (at_motor, at_link) = self.viscous(c.back_emf, s);
+        if self.rubs_at_link() {
+            let load = (friction + at_link) * c.inertia.recip();
+            return Action { link_torque: -(torque + load), motor: driven - at_motor };
+        }
+        Action { link_torque: -torque, motor: driven - at_motor - friction }
     }
 
     /// Equations (11), (12) of a rigid joint, where θ = q.
     #[inline(always)]
     pub(super) fn rigid<T: Quantity>(&self, c: &Coefficients<T>, s: &Sides<T>) -> Action<T> {
-        let torque = c.torque_constant * (s.u * self.input_scale) - c.back_emf * s.thetad - c.coulomb * self.slip(s).1;
+        let torque = c.torque_constant * (s.u * self.input_scale)
+            - c.back_emf * s.thetad
+            - c.coulomb * self.slip(s).1
+            - c.offset;
         Action { link_torque: torque, motor: c.inertia }
     }
 
@@ -181,22 +222,25 @@ impl Drive {
         };
         let u = joint.ask(Hook::Input, &mut at, s.u);
         at.driving = physical(c.torque_constant) * (u * volts);
-        let by_voltage = at.driving - at.k_mi * s.thetad;
+        let (viscous, viscous_load) = self.viscous(at.k_mi, s);
+        let by_voltage = at.driving - viscous;
         let motor = joint.ask(Hook::MotorTorque, &mut at, by_voltage);
         if elastic {
             let spring = at.k_s * at.wind() + at.d_s * at.wind_rate();
             at.transmitted = joint.ask(Hook::Transmission, &mut at, spring);
         }
         let coulomb = at.coulomb();
-        let friction = joint.ask(Hook::Friction, &mut at, coulomb);
+        let friction = joint.ask(Hook::Friction, &mut at, coulomb) + physical(c.offset);
         let load = joint.ask(Hook::LinkLoad, &mut at, zero);
         let b = joint.ask(Hook::MotorInertia, &mut at, b);
         joint.rates(&mut at, rates);
         if elastic {
+            let (friction, load) =
+                if self.rubs_at_link() { (zero, load + friction + viscous_load) } else { (friction, load) };
             let motor = (at.transmitted + motor - friction) * b.recip();
             Action { link_torque: -(at.transmitted + load), motor }
         } else {
-            Action { link_torque: motor - friction - load, motor: b }
+            Action { link_torque: motor - friction - viscous_load - load, motor: b }
         }
     }
 }

@@ -10,14 +10,13 @@
 use nalgebra::{Const, SVector};
 use num_dual::{Derivative, DualSVec64};
 
-use super::drive::{Action, Coefficients, JointLaw, JointLaws, Sides};
+use super::drive::{Action, Coefficients, JointLaw};
 use super::inertia::Inertia;
 use super::laws::OfJoint;
 use super::links::WeightedLinks;
 use super::local::{BASE, COEFFICIENTS, Drives, FEW_VARIABLES, MOST_VARIABLES, OWN, VOLTS};
 use super::sensor::SensorFrame;
 use super::{Input, Model};
-use crate::robot::Transmission;
 use crate::robot::chain::{Lanes, MAX_JOINTS};
 
 /// Derivatives of coefficients by coordinates are taken this many at a time.
@@ -97,37 +96,9 @@ impl<'m> Dynamics<'m> {
     /// f(x, u).
     pub fn derivative<'i>(&self, x: &[f64], input: impl Into<Input<'i>>, xdot: &mut [f64]) {
         let input = input.into();
-        let layout = &self.model.layout;
-        let (n, m) = (layout.joints(), layout.chain());
+        let m = self.model.layout.chain();
         let (q, qd) = (&x[..m], &x[m..2 * m]);
-        let mut torques = self.passive(q, qd);
-        let volts = self.supply(x, &input).map_or(self.model.drives[0].input_scale, |volts| volts.re);
-        for i in 0..n {
-            let ([q, qd, theta, thetad], c) = (self.sides(x, i), &self.coefficients[i]);
-            let sides = Sides { q, qd, theta, thetad, u: input.u[i] };
-            let (drive, transmission) = (&self.model.drives[i], self.model.transmissions[i]);
-            let action = if self.model.laws.is_empty() {
-                match transmission {
-                    Transmission::Elastic => drive.elastic(c, &sides),
-                    Transmission::Rigid => drive.rigid(c, &sides),
-                }
-            } else {
-                let of = self.model.laws.at(i);
-                let mut own = [0.0; MOST_VARIABLES];
-                let (parameters, states) = own.split_at_mut(of.parameters.len());
-                gather(parameters, &of.parameters, &self.z);
-                gather(states, &of.states, x);
-                let mut rates = [0.0; MOST_VARIABLES];
-                let laws = JointLaws { joint: i, time_s: input.time_s, laws: &self.laws[i], parameters, states };
-                let action = drive.with_laws(transmission, c, &sides, volts, &laws, &mut rates);
-                for (state, rate) in of.states.iter().zip(rates) {
-                    xdot[*state] = rate;
-                }
-                action
-            };
-            torques.take(self, i, &action, xdot);
-            xdot[layout.theta(i)] = thetad;
-        }
+        let mut torques = self.torques(x, &input, xdot);
         let inertia = self.inertia(q, &torques.rigid_inertia);
         inertia.solve(m, &mut torques.right);
         xdot[..m].copy_from_slice(qd);
@@ -142,6 +113,41 @@ impl<'m> Dynamics<'m> {
                 }
             }
         }
+    }
+
+    /// What the links' torques miss of what these accelerations of the chain need, `A a + c + g − τ`: zero along the model's own motion.
+    pub fn missing_torque<'i>(&self, x: &[f64], input: impl Into<Input<'i>>, acceleration: &[f64], out: &mut [f64]) {
+        let input = input.into();
+        let m = self.model.layout.chain();
+        let mut xdot = vec![0.0; x.len()];
+        let torques = self.torques(x, &input, &mut xdot);
+        let mut mass = [0.0; MAX_JOINTS * MAX_JOINTS];
+        self.links.mass_matrix(&x[..m], &mut mass[..m * m]);
+        for (i, out) in out[..m].iter_mut().enumerate() {
+            let by_mass: f64 = mass[i * m..(i + 1) * m].iter().zip(acceleration).map(|(mass, a)| mass * a).sum();
+            *out = by_mass + torques.rigid_inertia[i] * acceleration[i] - torques.right[i];
+        }
+    }
+
+    /// The torques on the links; θ̇, θ̈ and the rates of the laws' own states go into `xdot`.
+    fn torques(&self, x: &[f64], input: &Input<'_>, xdot: &mut [f64]) -> Torques {
+        let layout = &self.model.layout;
+        let (n, m) = (layout.joints(), layout.chain());
+        let (q, qd) = (&x[..m], &x[m..2 * m]);
+        let mut torques = self.passive(q, qd);
+        let volts = self.supply(x, input).map_or(self.model.drives[0].input_scale, |volts| volts.re);
+        for i in 0..n {
+            let mut rates = [0.0; MOST_VARIABLES];
+            let action = self.act(i, x, input, volts, &mut rates);
+            for (state, rate) in self.model.laws.own_states(i).iter().zip(rates) {
+                xdot[*state] = rate;
+            }
+            torques.take(self, i, &action, xdot);
+            if layout.is_elastic(i) {
+                xdot[layout.theta(i)] = x[layout.thetad(i)];
+            }
+        }
+        torques
     }
 
     /// f and its derivatives by state and coordinates.
@@ -263,7 +269,7 @@ impl<'m> Dynamics<'m> {
     }
 
     /// Adds the derivatives of joint i's law, by its lanes, to a row over state and coordinates.
-    fn scatter<const N: usize>(&self, i: usize, gradient: &[f64; N], supply: &[f64], row: &mut [f64]) {
+    pub(super) fn scatter<const N: usize>(&self, i: usize, gradient: &[f64; N], supply: &[f64], row: &mut [f64]) {
         let layout = &self.model.layout;
         let size = self.size();
         let places = [layout.q(i), layout.qd(i), layout.theta(i), layout.thetad(i)];
@@ -331,12 +337,6 @@ impl Torques {
         } else {
             self.rigid_inertia[link] = action.motor;
         }
-    }
-}
-
-fn gather(to: &mut [f64], places: &[usize], from: &[f64]) {
-    for (to, place) in to.iter_mut().zip(places) {
-        *to = from[*place];
     }
 }
 

@@ -5,9 +5,10 @@ use std::sync::Arc;
 use super::drive::JointLaw;
 use super::law::Law;
 use super::links::Links;
+use super::parameters::Source;
 use super::{Coordinates, Layout};
 use crate::robot::chain::Chain;
-use crate::robot::{Body, Robot, RobotError};
+use crate::robot::{Body, Robot, RobotError, Symbol};
 
 /// How far one step of a lagging gyro's state may be wrong, rad/s over 1 ms: as far as one of the link's speed.
 const LAG_SIGMA: f64 = 1e-4;
@@ -155,6 +156,30 @@ impl Laws {
     }
 }
 
+/// The chain of `robot` without passive joints, and its terms.
+pub(super) fn base_links(robot: &Robot, coordinates: &Coordinates) -> (Chain, Links) {
+    with_unknown_inertia(robot.chain(), 0, robot, coordinates)
+}
+
+/// `chain`, whose joint `first` is the robot's first, with what bodies are known to have beyond their descriptions; and its terms, one more for
+/// everything of that kind that is estimated.
+fn with_unknown_inertia(mut chain: Chain, first: usize, robot: &Robot, coordinates: &Coordinates) -> (Chain, Links) {
+    let mut unknown = Vec::new();
+    for joint in 0..robot.joints.len() {
+        for symbol in Symbol::OF_BODIES {
+            match coordinates.source(robot, symbol, joint) {
+                Source::Known(value) => chain = chain.with_moment(first + joint, symbol, value),
+                Source::Free { coordinate, .. } => unknown.push((joint, symbol, coordinate)),
+            }
+        }
+    }
+    let mut links = Links::of(chain.clone());
+    for (joint, symbol, coordinate) in unknown {
+        links.add_mass(chain.massless().with_moment(first + joint, symbol, 1.0), coordinate);
+    }
+    (chain, links)
+}
+
 /// The chain of `robot` with the passive joints of `laws`, and its terms.
 pub(super) fn links(
     robot: &Robot,
@@ -174,7 +199,7 @@ pub(super) fn links(
         }
     };
     let chain = on_passive_joints(robot, structure.as_ref().map(|(outer, _)| *outer))?;
-    let mut links = Links::of(chain.clone());
+    let (chain, mut links) = with_unknown_inertia(chain, base.len(), robot, coordinates);
     for (index, law) in laws.iter().enumerate() {
         let Some(payload) = law.payload() else { continue };
         let mut alone = robot.clone();

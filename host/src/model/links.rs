@@ -48,7 +48,12 @@ impl Links {
         &self.terms[0].0
     }
 
-    /// Adds `chain`, of a body of unit mass alone, times a coordinate.
+    /// Whether anything but the bodies as described moves.
+    pub(super) fn is_sum(&self) -> bool {
+        self.terms.len() > 1
+    }
+
+    /// Adds `chain`, of a body with a unit of mass (or of another moment of it) alone, times a coordinate.
     pub(super) fn add_mass(&mut self, chain: Chain, coordinate: usize) {
         self.terms.push((chain, vec![Factor::Times(coordinate)]));
     }

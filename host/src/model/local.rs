@@ -1,7 +1,7 @@
 //! The derivatives of one drive with its laws, by the dozen local variables that it depends on.
 //!
 //! ```text
-//! lanes of joint i   | q q̇ θ θ̇ | six coefficients | supply voltage | parameters of laws | own states of laws |
+//! lanes of joint i   | q q̇ θ θ̇ | seven coefficients | supply voltage | parameters of laws | own states of laws |
 //! ```
 
 use super::Input;
@@ -12,7 +12,7 @@ use super::quantity::variable;
 use crate::robot::Transmission;
 use crate::robot::chain::Lanes;
 
-/// Lanes: four sides of a transmission and its six coefficients are all that the base law of one drive depends on …
+/// Lanes: four sides of a transmission and its seven coefficients are all that the base law of one drive depends on …
 pub(super) const COEFFICIENTS: usize = 4;
 pub(super) const BASE: usize = COEFFICIENTS + Coefficients::<f64>::COUNT;
 /// … laws depend on the supply and on their own.
@@ -73,6 +73,57 @@ impl Drives<32, MOST_VARIABLES> for Dynamics<'_> {
 }
 
 impl Dynamics<'_> {
+    /// The action of drive i at a state, its laws' own states' rates into `rates`.
+    pub(super) fn act(&self, i: usize, x: &[f64], input: &Input<'_>, volts: f64, rates: &mut [f64]) -> Action<f64> {
+        let ([q, qd, theta, thetad], c) = (self.sides(x, i), &self.coefficients[i]);
+        let sides = Sides { q, qd, theta, thetad, u: input.u[i] };
+        let (drive, transmission) = (&self.model.drives[i], self.model.transmissions[i]);
+        if self.model.laws.is_empty() {
+            return match transmission {
+                Transmission::Elastic => drive.elastic(c, &sides),
+                Transmission::Rigid => drive.rigid(c, &sides),
+            };
+        }
+        let of = self.model.laws.at(i);
+        let mut own = [0.0; MOST_VARIABLES];
+        let (parameters, states) = own.split_at_mut(of.parameters.len());
+        gather(parameters, &of.parameters, &self.z);
+        gather(states, &of.states, x);
+        let laws = JointLaws { joint: i, time_s: input.time_s, laws: &self.laws[i], parameters, states };
+        drive.with_laws(transmission, c, &sides, volts, &laws, rates)
+    }
+
+    /// The same without own states. `rows` is given what adds the derivatives of the link's torque and of the motor's acceleration to a row over state
+    /// and coordinates; `supply` has those of the supply voltage.
+    pub(super) fn act_with_rows(
+        &self,
+        i: usize,
+        (x, input, volts): (&[f64], &Input<'_>, f64),
+        supply: &[f64],
+        rows: impl FnOnce(&dyn Fn(&mut [f64]), &dyn Fn(&mut [f64])),
+    ) -> Action<f64> {
+        match self.model.laws.most_variables() {
+            0..=FEW_VARIABLES => self.rows_by::<16, FEW_VARIABLES>(i, (x, input, volts), supply, rows),
+            _ => self.rows_by::<32, MOST_VARIABLES>(i, (x, input, volts), supply, rows),
+        }
+    }
+
+    fn rows_by<const N: usize, const V: usize>(
+        &self,
+        i: usize,
+        (x, input, volts): (&[f64], &Input<'_>, f64),
+        supply: &[f64],
+        rows: impl FnOnce(&dyn Fn(&mut [f64]), &dyn Fn(&mut [f64])),
+    ) -> Action<f64>
+    where
+        Self: Drives<N, V>,
+    {
+        let action = Drives::<N, V>::drive(self, i, x, input, volts, &mut [Lanes::from(0.0); V]);
+        let of = |slope: [f64; N]| move |row: &mut [f64]| self.scatter(i, &slope, supply, row);
+        rows(&of(action.link_torque.slope), &of(action.motor.slope));
+        Action { link_torque: action.link_torque.re, motor: action.motor.re }
+    }
+
     /// Sides and coefficients as variables of their lanes.
     fn variables<const N: usize>(&self, x: &[f64], u: Lanes<N>, i: usize) -> (Sides<Lanes<N>>, Coefficients<Lanes<N>>) {
         let [q, qd, theta, thetad] = self.sides(x, i);
@@ -115,5 +166,11 @@ impl Dynamics<'_> {
         let laws = JointLaws { joint: i, time_s: input.time_s, laws: &self.laws[i], parameters, states };
         let transmission = self.model.transmissions[i];
         self.model.drives[i].with_laws(transmission, &coefficients, &sides, variable(volts, VOLTS), &laws, rates)
+    }
+}
+
+fn gather(to: &mut [f64], places: &[usize], from: &[f64]) {
+    for (to, place) in to.iter_mut().zip(places) {
+        *to = from[*place];
     }
 }

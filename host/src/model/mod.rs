@@ -40,11 +40,12 @@ pub use sensor_laws::{GyroReading, PositionReading, SensorLaws};
 use std::sync::Arc;
 
 use crate::robot::chain::Chain;
-use crate::robot::{Robot, RobotError, Transmission};
+use crate::robot::{Robot, RobotError, Symbol, Transmission};
 use drive::Drive;
 use law::Law;
 use laws::Laws;
 use links::Links;
+use parameters::Source;
 
 /// Why a model cannot be extended.
 #[derive(Debug, thiserror::Error)]
@@ -71,6 +72,8 @@ pub struct Model {
     drives: Vec<Drive>,
     layout: Layout,
     laws: Laws,
+    /// What each joint's link encoder reads at zero.
+    zeros: Vec<Source>,
     /// Links in the chain that carry the robot's bodies.
     bodies: Vec<usize>,
 }
@@ -78,7 +81,8 @@ pub struct Model {
 impl Model {
     /// The base model of `robot`.
     pub fn new(robot: &Robot) -> Self {
-        Self::of(robot, Vec::new(), robot.chain(), Links::of(robot.chain()))
+        let (chain, links) = laws::base_links(robot, &Coordinates::of(robot, &[]));
+        Self::of(robot, Vec::new(), chain, links)
     }
 
     /// The model of `robot` with `laws` of effects, asked in this order.
@@ -107,6 +111,7 @@ impl Model {
             links,
             drives: (0..robot.joints.len()).map(|joint| Drive::of(robot, &coordinates, joint)).collect(),
             layout,
+            zeros: (0..robot.joints.len()).map(|joint| coordinates.source(robot, Symbol::Zero, joint)).collect(),
             coordinates,
             transmissions,
             laws,
@@ -132,6 +137,20 @@ impl Model {
     /// The link of the [`chain`](Self::chain) that carries `body` of the robot with its sensors.
     pub fn body(&self, body: usize) -> usize {
         self.bodies[body]
+    }
+
+    /// Whether its drives have no constant torque and no friction on the link, and its bodies are as described.
+    fn is_plain(&self) -> bool {
+        !self.links.is_sum() && self.drives.iter().all(Drive::is_plain)
+    }
+
+    /// What a joint's link encoder reads at zero, rad or m, at solver coordinates `z`.
+    pub fn link_zero(&self, joint: usize, z: &[f64]) -> f64 {
+        self.zeros[joint].value(z)
+    }
+
+    fn zero(&self, joint: usize) -> Source {
+        self.zeros[joint]
     }
 
     /// The laws beyond the base model.

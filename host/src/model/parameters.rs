@@ -64,7 +64,7 @@ impl Coordinates {
             .map(|spec| {
                 let form = match spec.symbol {
                     Symbol::B if elastic(spec) => Form::Inverse,
-                    Symbol::KPwm | Symbol::KT | Symbol::KMi | Symbol::Mu => {
+                    Symbol::KPwm | Symbol::KT | Symbol::KMi | Symbol::Mu | Symbol::V | Symbol::O => {
                         inverse_inertia_of(spec).map_or(Form::Direct, Form::OverInertia)
                     }
                     _ => Form::Direct,

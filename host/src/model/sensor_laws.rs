@@ -1,8 +1,9 @@
-//! What sensors read where laws of effects change it, with the derivatives.
+//! What sensors read where it is not the state itself: laws of effects change it, or an encoder counts from elsewhere; with the derivatives.
 
 use nalgebra::Vector3;
 
 use super::law::{Broad, GyroAt, Narrow, Of, PositionAt};
+use super::parameters::Source;
 use super::{Model, variable};
 use crate::robot::Side;
 use crate::robot::chain::Lanes;
@@ -20,6 +21,8 @@ struct OfPosition {
     joint: usize,
     side: Side,
     laws: Vec<(usize, Vec<usize>)>,
+    /// What it reads at zero.
+    zero: Source,
 }
 
 /// The reading of a position sensor.
@@ -67,17 +70,23 @@ impl SensorLaws {
         let positions = sides.map(|(joint, side)| {
             let seeing = (0..laws.len()).filter(|&law| laws[law].sees_position(side, joint));
             let mine = |of| of == Of::All || of == Of::Joint(joint);
-            OfPosition { joint, side, laws: seeing.map(|law| (law, all(law, &mine))).collect() }
+            let zero = if side == Side::Link { model.zero(joint) } else { Source::Known(0.0) };
+            OfPosition { joint, side, laws: seeing.map(|law| (law, all(law, &mine))).collect(), zero }
         });
         SensorLaws {
             gyros: (0..gyros).map(of_gyro).collect(),
-            positions: positions.filter(|of| !of.laws.is_empty()).collect(),
+            positions: positions.filter(|of| !of.laws.is_empty() || of.zero != Source::Known(0.0)).collect(),
         }
     }
 
-    /// Whether a law changes what a position sensor reads.
+    /// Whether a position sensor reads anything but the position.
     pub fn see_position(&self, side: Side, joint: usize) -> bool {
         self.at(side, joint).is_some()
+    }
+
+    /// Whether any sensor reads anything but what it is there for.
+    pub fn see_any(&self) -> bool {
+        !self.positions.is_empty() || self.gyros.iter().any(|laws| !laws.is_empty())
     }
 
     /// Whether a law changes what a gyro reads of its rate.
@@ -105,6 +114,13 @@ impl SensorLaws {
             let at = PositionAt { joint, side, speed: variable(speed, 1), shifted_s, parameters: &parameters };
             reading = model.laws()[*law].position(&at, reading);
             coordinates.extend(own.iter().copied());
+        }
+        match self.at(side, joint).map_or(Source::Known(0.0), |of| of.zero) {
+            Source::Free { coordinate, .. } => {
+                reading += variables(&[coordinate], z, &mut lane)[0];
+                coordinates.push(coordinate);
+            }
+            Source::Known(zero) => reading += Narrow::from(zero),
         }
         let [by_position, by_speed, by_z @ ..] = reading.slope;
         PositionReading {

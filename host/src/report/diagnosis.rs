@@ -26,7 +26,7 @@ pub fn page(diagnosis: &Diagnosis) -> Page {
 }
 
 /// What was found, what it brings, the defect as a curve, the scan and what is left.
-fn sections(diagnosis: &Diagnosis) -> Vec<Section> {
+pub(super) fn sections(diagnosis: &Diagnosis) -> Vec<Section> {
     vec![findings(diagnosis), gain(diagnosis), defect(diagnosis), scan(diagnosis), left(diagnosis)]
 }
 

@@ -23,6 +23,7 @@
 pub mod calibration;
 pub mod demo;
 pub mod diagnosis;
+pub mod fleet;
 pub mod html;
 pub mod number;
 

@@ -3,6 +3,8 @@
 //! [`super::validate`] turns it into a [`Robot`](super::Robot). Fields whose unit depends on the kind of joint come in
 //! two spellings (`limits_rad`, `limits_m`), of which the right one must be given.
 
+use std::collections::BTreeMap;
+
 use serde::Deserialize;
 
 use super::{Friction, GravityLoad, InputUnit, JointKind, Side, Transmission};
@@ -22,6 +24,7 @@ pub(super) struct RobotFile {
     pub joint: Vec<JointTable>,
     #[serde(default)]
     pub sensor: Vec<SensorTable>,
+    pub import: Option<ImportTable>,
 }
 
 #[derive(Debug, Deserialize)]
@@ -56,6 +59,7 @@ pub(super) struct JointTable {
 pub(super) struct FrictionTable {
     pub law: FrictionLaw,
     pub speed: Option<Side>,
+    pub acts: Option<Side>,
     pub slope_s_rad: Option<f64>,
     pub slope_s_m: Option<f64>,
 }
@@ -100,6 +104,13 @@ pub(super) struct ParameterTable {
     pub mu: Option<StartOrFixed<f64>>,
     pub k_s: Option<StartOrFixed<f64>>,
     pub d_s: Option<StartOrFixed<f64>>,
+    pub v: Option<StartOrFixed<f64>>,
+    pub o: Option<StartOrFixed<f64>>,
+    #[serde(rename = "J")]
+    pub j: Option<StartOrFixed<f64>>,
+    pub mx: Option<StartOrFixed<f64>>,
+    pub my: Option<StartOrFixed<f64>>,
+    pub mz: Option<StartOrFixed<f64>>,
 }
 
 /// `{ start = … }` is estimated from there, `{ fixed = … }` is known; `simulated` is what a simulated robot has instead.
@@ -121,6 +132,8 @@ pub(super) struct SensorTable {
     pub counts_per_turn: Option<u32>,
     pub sigma_rad: Option<f64>,
     pub sigma_m: Option<f64>,
+    pub zero_rad: Option<StartOrFixed<f64>>,
+    pub zero_m: Option<StartOrFixed<f64>>,
     pub sigma_rad_s: Option<f64>,
     pub sigma_m_s: Option<f64>,
     pub side: Option<Side>,
@@ -152,6 +165,40 @@ impl SensorKind {
 // Keeps the file's friction next to the type it becomes.
 impl FrictionTable {
     pub(super) fn with_slope(&self, slope_s: f64) -> Friction {
-        Friction::Coulomb { speed: self.speed.unwrap_or(Side::Motor), slope_s }
+        let acts = self.acts.unwrap_or(Side::Motor);
+        Friction::Coulomb { speed: self.speed.unwrap_or(acts), acts, slope_s }
     }
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ImportTable {
+    pub time: Option<ImportTimeTable>,
+    pub separator: Option<String>,
+    pub decimal: Option<String>,
+    #[serde(default)]
+    pub missing: Vec<String>,
+    /// By the recording's names: `u1`, `theta1`, `g1x`.
+    #[serde(default)]
+    pub columns: BTreeMap<String, ImportColumnTable>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ImportTimeTable {
+    pub column: String,
+    pub unit: String,
+    pub zero: Option<f64>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ImportColumnTable {
+    pub column: Option<String>,
+    pub unit: Option<String>,
+    pub scale: Option<f64>,
+    pub sign: Option<i64>,
+    pub zero: Option<f64>,
+    pub side: Option<Side>,
+    pub counts_per_turn: Option<f64>,
 }

@@ -1,9 +1,10 @@
 //! What a robot is: its description file, its kinematic chain and its inertia.
 //!
 //! ```text
-//! TOML text ── file ──▶ tables ── validate ──▶ Robot ──┬─▶ channels()    what a recording of it holds
-//!                                                      ├─▶ parameters()  what a calibration estimates
-//!                                                      └─▶ chain()       M(q), c(q, q̇), g(q), body rates
+//! URDF ── urdf ──┐
+//! TOML text ─────┴── file ──▶ tables ── validate ──▶ Robot ──┬─▶ channels()    what a recording of it holds
+//!                                                            ├─▶ parameters()  what a calibration estimates
+//!                                                            └─▶ chain()       M(q), c(q, q̇), g(q), body rates
 //! ```
 //!
 //! A robot is a serial chain of revolute or prismatic joints. Each joint moves one body and is driven by one motor
@@ -18,15 +19,18 @@ pub mod chain;
 mod channel;
 mod error;
 mod file;
+mod import;
 mod parameter;
 mod sensor;
 #[cfg(test)]
 mod tests;
+mod urdf;
 mod validate;
 mod vector;
 
 pub use channel::{Channel, ChannelKind};
 pub use error::RobotError;
+pub use import::{Import, ImportColumn, ImportTime, TimeUnit};
 pub use parameter::{Parameter, ParameterSpec, Symbol};
 pub use sensor::{Encoder, Gyro, Sensor, Tachometer};
 pub use vector::{Matrix3, Vector3};
@@ -34,8 +38,11 @@ pub use vector::{Matrix3, Vector3};
 use chain::Chain;
 
 /// The descriptions that come with the program: name and text.
-const BUILTIN: [(&str, &str); 2] =
-    [("doggy", include_str!("builtin/doggy.toml")), ("one_joint", include_str!("builtin/one_joint.toml"))];
+const BUILTIN: [(&str, &str); 3] = [
+    ("doggy", include_str!("builtin/doggy.toml")),
+    ("one_joint", include_str!("builtin/one_joint.toml")),
+    ("emps", include_str!("builtin/emps.toml")),
+];
 
 /// What `host robot new` writes; NAME stands for the robot's name.
 const TEMPLATE: &str = include_str!("builtin/template.toml");
@@ -59,6 +66,8 @@ pub struct Robot {
     pub joints: Vec<Joint>,
     /// Sensors in the order of the file.
     pub sensors: Vec<Sensor>,
+    /// How tables with other columns than [`Robot::channels`] become recordings.
+    pub import: Option<Import>,
     parameters: Vec<ParameterSpec>,
     toml: String,
 }
@@ -150,6 +159,8 @@ pub enum Friction {
     Coulomb {
         /// Whose speed v is.
         speed: Side,
+        /// What it holds back, with viscous friction and constant torque: motor and gear, or bearings and seals of the link.
+        acts: Side,
         /// κ, s/rad or s/m.
         slope_s: f64,
     },
@@ -230,10 +241,14 @@ impl Robot {
         }
         let text =
             std::fs::read_to_string(path).map_err(|source| RobotError::Read { path: path.to_owned(), source })?;
-        Self::parse(&text)
+        let folder = path.parent().unwrap_or_else(|| Path::new(""));
+        match urdf::expand(&text, folder)? {
+            Some(complete) => Self::parse(&complete),
+            None => Self::parse(&text),
+        }
     }
 
-    /// The text of the description file, comments and all.
+    /// The text of the description file, comments and all; with what stands in a URDF written out.
     pub fn toml(&self) -> &str {
         &self.toml
     }

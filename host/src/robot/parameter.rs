@@ -30,6 +30,19 @@ pub enum Symbol {
     KS,
     /// Damping of the transmission.
     DS,
+    /// Viscous friction, where no back-EMF stands for it.
+    V,
+    /// Constant torque that holds the motor back.
+    O,
+    /// Inertia about the joint's axis (of a sliding joint, mass) that the body has beyond its description.
+    J,
+    /// A component of the mass times centre that the body has beyond its description, in joint axes (0-based).
+    FirstMoment {
+        /// Axis of the joint frame.
+        axis: usize,
+    },
+    /// What a link encoder reads where the link stands at zero.
+    Zero,
     /// Bias of one gyro axis (0-based).
     Bias {
         /// Which gyro.
@@ -63,7 +76,25 @@ pub struct ParameterSpec {
 
 impl Symbol {
     /// The parameters of joints, in the order of the results.
-    pub const OF_JOINTS: [Self; 7] = [Self::KPwm, Self::KT, Self::KMi, Self::B, Self::Mu, Self::KS, Self::DS];
+    pub const OF_JOINTS: [Self; 13] = [
+        Self::KPwm,
+        Self::KT,
+        Self::KMi,
+        Self::B,
+        Self::Mu,
+        Self::KS,
+        Self::DS,
+        Self::V,
+        Self::O,
+        Self::J,
+        Self::FirstMoment { axis: 0 },
+        Self::FirstMoment { axis: 1 },
+        Self::FirstMoment { axis: 2 },
+    ];
+
+    /// What a body may have beyond its description.
+    pub const OF_BODIES: [Self; 4] =
+        [Self::J, Self::FirstMoment { axis: 0 }, Self::FirstMoment { axis: 1 }, Self::FirstMoment { axis: 2 }];
 
     /// The name in files and results, without an index.
     pub const fn name(self) -> &'static str {
@@ -75,6 +106,13 @@ impl Symbol {
             Self::Mu => "mu",
             Self::KS => "k_s",
             Self::DS => "d_s",
+            Self::V => "v",
+            Self::O => "o",
+            Self::J => "J",
+            Self::FirstMoment { axis: 0 } => "mx",
+            Self::FirstMoment { axis: 1 } => "my",
+            Self::FirstMoment { .. } => "mz",
+            Self::Zero => "zero",
             Self::Bias { .. } => "bias",
             Self::Misalignment { .. } => "R_imu",
         }
@@ -87,15 +125,18 @@ impl Symbol {
             (_, Self::Misalignment { .. }) => "rad",
             (JointKind::Revolute, Self::KPwm) => "N m/V",
             (JointKind::Revolute, Self::KT) => "N m/A",
-            (JointKind::Revolute, Self::KMi | Self::DS) => "N m s/rad",
-            (JointKind::Revolute, Self::B) => "kg m^2",
-            (JointKind::Revolute, Self::Mu) => "N m",
+            (_, Self::FirstMoment { .. }) => "kg m",
+            (JointKind::Revolute, Self::KMi | Self::DS | Self::V) => "N m s/rad",
+            (JointKind::Revolute, Self::B | Self::J) => "kg m^2",
+            (JointKind::Revolute, Self::Mu | Self::O) => "N m",
+            (JointKind::Revolute, Self::Zero) => "rad",
             (JointKind::Revolute, Self::KS) => "N m/rad",
             (JointKind::Prismatic, Self::KPwm) => "N/V",
             (JointKind::Prismatic, Self::KT) => "N/A",
-            (JointKind::Prismatic, Self::KMi | Self::DS) => "N s/m",
-            (JointKind::Prismatic, Self::B) => "kg",
-            (JointKind::Prismatic, Self::Mu) => "N",
+            (JointKind::Prismatic, Self::KMi | Self::DS | Self::V) => "N s/m",
+            (JointKind::Prismatic, Self::B | Self::J) => "kg",
+            (JointKind::Prismatic, Self::Mu | Self::O) => "N",
+            (JointKind::Prismatic, Self::Zero) => "m",
             (JointKind::Prismatic, Self::KS) => "N/m",
         }
     }
@@ -108,8 +149,21 @@ impl Symbol {
             Self::B => true,
             Self::Mu => joint.friction != Friction::None,
             Self::KS | Self::DS => joint.transmission == Transmission::Elastic,
-            Self::Bias { .. } | Self::Misalignment { .. } => false,
+            // With a voltage it is k_mi by another name.
+            Self::V => !matches!(input, InputUnit::Duty | InputUnit::Volt),
+            Self::O | Self::J | Self::FirstMoment { .. } => true,
+            Self::Bias { .. } | Self::Misalignment { .. } | Self::Zero => false,
         }
+    }
+
+    /// Whether a joint may do without it: it is then zero.
+    pub(super) const fn is_optional(self) -> bool {
+        matches!(self, Self::V | Self::O | Self::J | Self::FirstMoment { .. })
+    }
+
+    /// Whether physics leaves its sign open.
+    pub(super) const fn has_either_sign(self) -> bool {
+        matches!(self, Self::O | Self::J | Self::FirstMoment { .. } | Self::Zero)
     }
 
     /// Whether zero is a value that the equations can stand.

@@ -1,6 +1,6 @@
 //! The sensors a robot can carry.
 
-use super::{Matrix3, Side, Vector3};
+use super::{Matrix3, Parameter, Side, Vector3};
 
 /// A sensor. `offset_s` is when it is read after the start of the tick.
 #[derive(Debug, Clone, PartialEq)]
@@ -24,6 +24,8 @@ pub struct Encoder {
     pub counts_per_turn: Option<u32>,
     /// Standard deviation on the link side of the gear, quantisation included, rad or m.
     pub sigma: f64,
+    /// What it reads where its side stands at zero, rad or m, if that is not zero itself; link encoders only.
+    pub zero: Option<Parameter>,
     /// When it is read after the start of the tick, s.
     pub offset_s: f64,
 }

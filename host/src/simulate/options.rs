@@ -42,7 +42,7 @@ pub struct EffectChoice {
 }
 
 /// How simulated time follows the host's.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Pace {
     /// As a real robot.
     Real,
@@ -50,7 +50,6 @@ pub enum Pace {
     Fast,
     /// As fast, and at rest time passes for what the host sends only: so a motion can start at a tick of its own,
     /// whatever time the host needs before.
-    #[value(skip)]
     Patient,
 }
 
@@ -196,6 +195,7 @@ mod tests {
     use rand::SeedableRng;
 
     use super::*;
+    use crate::robot::Transmission;
 
     #[test]
     fn a_ports_name_says_all() {
@@ -219,7 +219,9 @@ mod tests {
                 let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
                 drawn.insert(EffectChoice::hide_one(&robot, &mut rng).unwrap().id);
             }
-            assert!(drawn.len() > 20, "{}: {drawn:?}", robot.name);
+            // A slide without belts, gyros and duty has little to hide: 7 effects.
+            let is_elastic = robot.joints.iter().any(|joint| joint.transmission == Transmission::Elastic);
+            assert!(drawn.len() > if is_elastic { 20 } else { 5 }, "{}: {drawn:?}", robot.name);
         }
     }
 

@@ -11,6 +11,9 @@
 //! gives and end before drift takes over: their error in sigmas of the sensor says how good the model is, 1 being the
 //! sensor's noise alone.
 //!
+//! [`torque`] is another question: how well does the model explain the torques of a rigid robot, and what does the recipe of inverse dynamics
+//! find on the same recording?
+//!
 //! [`filter`], [`window`] and [`free_run`] know numbers only ([`system::System`]); [`calibrated`] makes a system of a
 //! calibrated robot.
 
@@ -20,6 +23,7 @@ pub mod free_run;
 pub mod metrics;
 pub mod stage;
 pub mod system;
+pub mod torque;
 pub mod window;
 
 mod result;
@@ -89,6 +93,9 @@ pub enum VerifyError {
     /// An effect of the calibration.
     #[error("the calibration's effects do not fit its robot: {0}; calibrate again")]
     Effect(#[from] crate::effect::EffectError),
+    /// Torques that the recipe cannot work with.
+    #[error(transparent)]
+    Torque(#[from] torque::TorqueError),
     /// The calibration's extended model.
     #[error("the calibration's model cannot be built: {0}; calibrate again")]
     Model(#[from] crate::model::ModelError),

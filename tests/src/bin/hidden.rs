@@ -7,43 +7,30 @@
 //!
 //! Appends a line of JSON a case to a file and leaves out those that it holds already: it may be stopped and started again.
 
-use std::path::PathBuf;
 use std::process::ExitCode;
 
 use tests::hidden::{Scoreboard, cases, study};
+use tests::study::Arguments;
 
 const USAGE: &str = "hidden [--seeds N] [--first SEED] [--only small|medium|large] [--workers N] [--out FILE.jsonl]";
 
 fn main() -> ExitCode {
-    let (mut seeds, mut first, mut workers) = (1_u64, 1_u64, 2_usize);
-    let mut only: Option<String> = None;
-    let mut out = PathBuf::from("hidden.jsonl");
-    let mut arguments = std::env::args().skip(1);
-    while let Some(name) = arguments.next() {
-        let value = arguments.next().unwrap_or_default();
-        let understood = match name.as_str() {
-            "--seeds" => value.parse().map(|n| seeds = n).is_ok(),
-            "--first" => value.parse().map(|n| first = n).is_ok(),
-            "--workers" => value.parse().map(|n| workers = n).is_ok(),
-            "--only" => {
-                ["small", "medium", "large"].contains(&value.as_str()) && {
-                    only = Some(value.clone());
-                    true
-                }
-            }
-            "--out" => {
-                !value.is_empty() && {
-                    out = PathBuf::from(&value);
-                    true
-                }
-            }
-            _ => false,
-        };
-        if !understood {
-            eprintln!("`{name} {value}` is not understood\nusage: {USAGE}");
+    let (mut seeds, mut only) = (1_u64, None);
+    let understood = Arguments::read(USAGE, "hidden.jsonl", |name, value| match name {
+        "--seeds" => value.parse().map(|n| seeds = n).is_ok(),
+        "--only" if ["small", "medium", "large"].contains(&value) => {
+            only = Some(value.to_string());
+            true
+        }
+        _ => false,
+    });
+    let Arguments { first, workers, out } = match understood {
+        Ok(arguments) => arguments,
+        Err(text) => {
+            eprintln!("{text}");
             return ExitCode::from(2);
         }
-    }
+    };
     let mut cases = cases(first, seeds);
     cases.retain(|case| only.as_ref().is_none_or(|size| case.size == *size));
     let of = cases.len();

@@ -17,6 +17,8 @@ use host::simulate::{Direct, Options, SHORT_MOTION};
 use serde::{Deserialize, Serialize};
 use solve::levenberg::Settings;
 
+use crate::is_dynamic;
+
 pub use bands::{binomial_band, chi_square_band, chi_square_quantile};
 pub use table::{Row, Table};
 
@@ -71,10 +73,6 @@ impl Found {
     pub fn is_dynamic(&self) -> bool {
         is_dynamic(&self.name)
     }
-}
-
-fn is_dynamic(name: &str) -> bool {
-    !name.starts_with("bias") && !name.starts_with("R_imu")
 }
 
 /// Simulates and calibrates the robot of a seed, on so many threads.

@@ -46,6 +46,8 @@ pub struct Outcome {
     pub aliases: Vec<String>,
     /// Equation and joint of the largest defect that has no name.
     pub place: Option<(String, Option<usize>)>,
+    /// Whether what is hidden acts there.
+    pub is_right_place: bool,
     /// Parameters of hidden effects that were named: how far the estimates lie from the truth, relative to it.
     pub errors: Vec<(String, f64)>,
     /// How long the diagnosis took, s.
@@ -116,12 +118,17 @@ fn compare(case: &Case, found: &Diagnosis, truth: &[(String, f64)], seconds: f64
         (*truth != 0.0).then(|| (name.clone(), estimate / truth - 1.0))
     };
     let place = found.unexplained.places.first();
+    // Parameters of joints end in `[joint]`.
+    let acts_on = |axis: usize| truth.iter().any(|(name, value)| *value != 0.0 && name.ends_with(&format!("[{axis}]")));
+    let is_hidden_row = |row| case.effects.iter().any(|id| Effect::by_id(id).is_ok_and(|effect| effect.row == row));
+    let is_right_place = place.is_some_and(|place| is_hidden_row(place.row) && place.axis.is_none_or(acts_on));
     Outcome {
         case: case.clone(),
         verdict: found.verdict,
         named: found.findings.iter().map(|finding| finding.effect.clone()).collect(),
         aliases: found.findings.iter().flat_map(|finding| finding.aliases.clone()).collect(),
         place: place.map(|place| (format!("{:?}", place.row).to_lowercase(), place.axis)),
+        is_right_place,
         errors: truth.iter().filter_map(error).collect(),
         seconds,
     }

@@ -43,6 +43,8 @@ impl Scoreboard {
         board.row("two medium effects: both named", &pairs, |o| o.case.effects.iter().all(|id| o.named.contains(id)));
         let outsiders = group(&|o| o.case.is_outsider);
         board.row("an effect that is not in the catalogue: unknown", &outsiders, |o| o.verdict == Verdict::Unknown);
+        let placed = |o: &Outcome| o.verdict == Verdict::Unknown && o.is_right_place;
+        board.row("the same: unknown, on the right equation and joint", &outsiders, placed);
         board.row("the same: another name given", &outsiders, |o| o.verdict == Verdict::Named);
         let wrong = |o: &&Outcome| if o.case.is_outsider { !o.named.is_empty() } else { o.named != o.case.effects };
         board.misses = outcomes.iter().filter(wrong).map(miss).collect();

@@ -141,6 +141,26 @@ fn the_supply_balances_the_power_drawn() {
 }
 
 #[test]
+fn a_robot_may_have_more_gyros_than_joints() {
+    let text = Robot::builtin("one_joint").unwrap().toml().to_owned();
+    let (_, gyro) = text.rsplit_once("[[sensor]]").unwrap();
+    let robot = Robot::parse(&format!("{text}\n[[sensor]]{gyro}")).unwrap();
+    assert_eq!((robot.joints.len(), robot.gyros().count()), (1, 2));
+    for effect in CATALOGUE {
+        let Ok(hidden) = effect.hide_in(&robot, Size::Medium, &mut ChaCha8Rng::seed_from_u64(1)) else { continue };
+        let gyros = effect.parameters.iter().filter(|parameter| parameter.name.ends_with("[gyro]"));
+        for parameter in gyros {
+            let symbol = parameter.name.trim_end_matches("[gyro]");
+            let names: Vec<&str> = hidden.values.iter().map(|value| value.name.as_str()).collect();
+            assert_eq!(names, [1, 2].map(|gyro| format!("{}.{symbol}[{gyro}]", effect.id)));
+        }
+    }
+    assert!(
+        Effect::by_id("gyro_lag").unwrap().hide_in(&robot, Size::Medium, &mut ChaCha8Rng::seed_from_u64(1)).is_ok()
+    );
+}
+
+#[test]
 fn a_lagging_gyro_follows_with_its_time_constant() {
     let hidden = hide("gyro_lag", Size::Exact(2e-3));
     let mut own = vec![0.0; hidden.physics.states()];

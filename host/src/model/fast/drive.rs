@@ -61,12 +61,12 @@ fn inverse<S: Simd, const N: usize>(simd: S, a: [[Wide<S>; N]; N]) -> [[Wide<S>;
 }
 
 impl<S: Simd, const N: usize> Accelerations<S, N> {
+    /// Nothing moves yet; M(q)⁻¹ is known.
     #[inline(always)]
-    pub(super) fn of(dynamics: &Dynamics<'_>, samples: &Samples<S, N>, u: &[Quad]) -> Self {
+    fn at_rest(samples: &Samples<S, N>) -> Self {
         let simd = samples.simd;
-        let zero = Wide::splat(simd, 0.0);
-        let zeros = [zero; N];
-        let mut out = Accelerations {
+        let zeros = [Wide::splat(simd, 0.0); N];
+        Accelerations {
             qdd: zeros,
             thetadd: zeros,
             inverse: inverse(simd, samples.bodies.mass_matrix()),
@@ -75,7 +75,14 @@ impl<S: Simd, const N: usize> Accelerations<S, N> {
             torque: zeros,
             sign: zeros,
             sign_slope: zeros,
-        };
+        }
+    }
+
+    #[inline(always)]
+    pub(super) fn of(dynamics: &Dynamics<'_>, samples: &Samples<S, N>, u: &[Quad]) -> Self {
+        let simd = samples.simd;
+        let zero = Wide::splat(simd, 0.0);
+        let mut out = Self::at_rest(samples);
         for i in 0..N {
             let c = dynamics.coefficients[i];
             let drive = &dynamics.model.drives[i];
@@ -83,11 +90,11 @@ impl<S: Simd, const N: usize> Accelerations<S, N> {
             let torque = windup * c.stiffness + windup_speed * c.damping;
             let (sign, slope) = match drive.friction {
                 Friction::None => (zero, zero),
-                Friction::Coulomb { speed: Side::Motor, slope_s } => {
+                Friction::Coulomb { speed: Side::Motor, slope_s, .. } => {
                     let (sign, slope) = sigmoid(samples.thetad[i] * slope_s);
                     (sign, slope * slope_s)
                 }
-                Friction::Coulomb { speed: Side::Link, slope_s } => {
+                Friction::Coulomb { speed: Side::Link, slope_s, .. } => {
                     let (sign, slope) = sigmoid(samples.qd[i] * slope_s);
                     (sign, slope * slope_s)
                 }
@@ -105,6 +112,46 @@ impl<S: Simd, const N: usize> Accelerations<S, N> {
             out.qdd[i] = sum;
         }
         out
+    }
+
+    /// From what drives with laws do.
+    #[inline(always)]
+    pub(super) fn by(samples: &Samples<S, N>, torque: &[Quad], thetadd: &[Quad]) -> Self {
+        let simd = samples.simd;
+        let mut out = Self::at_rest(samples);
+        for i in 0..N {
+            out.thetadd[i] = Wide::load(simd, &thetadd[i].0);
+            for j in 0..N {
+                out.qdd[i] = out.inverse[i][j].mul_add(Wide::load(simd, &torque[j].0), out.qdd[i]);
+            }
+        }
+        out
+    }
+
+    /// As [`slopes`](Self::slopes), with the drives' own derivatives in `rows`: 2N of `columns` quads, of the torques and of θ̈.
+    #[inline(always)]
+    pub(super) fn slopes_by(&self, samples: &Samples<S, N>, rows: &[Quad], columns: usize, out: &mut [Quad]) {
+        let simd = samples.simd;
+        let by_position = samples.bodies.torque_by_position(&self.qdd);
+        let (torques, motors) = rows.split_at(N * columns);
+        for i in 0..N {
+            let row = &mut out[(N + i) * columns..(N + i + 1) * columns];
+            for (c, to) in row.iter_mut().enumerate() {
+                let mut sum = Wide::splat(simd, 0.0);
+                for j in 0..N {
+                    sum = self.inverse[i][j].mul_add(Wide::load(simd, &torques[j * columns + c].0), sum);
+                }
+                to.0 = sum.to_array();
+            }
+            for j in 0..N {
+                let mut by_q = Wide::load(simd, &row[j].0);
+                for k in 0..N {
+                    by_q -= self.inverse[i][k] * by_position[k][j];
+                }
+                row[j] = Quad(by_q.to_array());
+            }
+            out[(3 * N + i) * columns..][..columns].copy_from_slice(&motors[i * columns..][..columns]);
+        }
     }
 
     /// `[∂f/∂x | ∂f/∂z]` of the rows q̈ and θ̈ into a matrix of 4N rows of `columns` quads; the other rows stay as they are.

@@ -4,8 +4,8 @@
 //! differences that make them fast. The derivative of the link torque is taken in closed form (`bodies`), and four neighbouring samples
 //! fill the lanes of a vector, so that nothing is lost to short loops.
 //!
-//! What it covers: chains of [`JOINTS`] revolute elastic joints without Coriolis terms and without gravity on a joint, and no laws of effects. Everything else
-//! takes the generic walk.
+//! What it covers: chains of [`JOINTS`] revolute elastic joints without Coriolis terms and without gravity on a joint, no constant torque and no
+//! unknown inertia; of effects' laws those that change a drive and have no state of their own. Everything else takes the generic walk.
 //!
 //! ```text
 //! samples k … k+3 ─▶ State (one quad a component) ─▶ bodies, drives ─▶ f, ∂f ─▶ Euler or Runge–Kutta ─▶ StepQuads
@@ -15,6 +15,7 @@ mod bodies;
 mod drive;
 mod elementary;
 mod gyro;
+mod laws;
 mod step;
 #[cfg(test)]
 mod tests;
@@ -35,6 +36,10 @@ pub const JOINTS: usize = 3;
 #[derive(Debug, Clone)]
 pub struct Fast {
     links: Links,
+    /// Drives have laws of effects.
+    has_laws: bool,
+    /// A law of the supply couples all motors.
+    is_coupled: bool,
 }
 
 impl Fast {
@@ -44,8 +49,10 @@ impl Fast {
         let elastic = model.transmissions.iter().all(|&t| t == Transmission::Elastic);
         let revolute = chain.frames().all(|link| link.kind == JointKind::Revolute);
         let quiet = !chain.has_coriolis() && !chain.has_gravity();
-        let covered = elastic && revolute && quiet && chain.joints() == JOINTS && model.laws().is_empty();
-        covered.then(|| Fast { links: Links::of(chain) })
+        let own = model.layout().own().is_empty() && model.input_delay().is_none();
+        let covered = elastic && revolute && quiet && own && chain.joints() == JOINTS && model.is_plain();
+        let (has_laws, is_coupled) = (!model.laws().is_empty(), model.laws.supply.is_some());
+        covered.then(|| Fast { links: Links::of(chain), has_laws, is_coupled })
     }
 }
 

@@ -10,7 +10,7 @@
 
 mod parameters;
 
-pub use parameters::{Form, LawCoordinate, LawResult, Of, Parameters};
+pub use parameters::{Form, LawCoordinate, LawResult, Of, Parameters, unit_at};
 
 use super::quantity::Quantity;
 use crate::robot::chain::Lanes;

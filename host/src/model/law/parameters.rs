@@ -3,6 +3,8 @@
 //! A wave A sin(x + φ) is fitted as a pair (A cos φ, A sin φ), a quantity that must stay positive as its logarithm, differences that add
 //! up to nothing as all but the last. Results carry the names of the catalogue.
 
+use crate::robot::{JointKind, Robot};
+
 /// What a parameter belongs to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Of {
@@ -96,12 +98,16 @@ pub struct LawResult {
     pub unit: &'static str,
     /// How it follows from the coordinates.
     pub form: Form,
+    /// What it can be in a robot.
+    pub range: [f64; 2],
 }
 
 /// The parameters of one law.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Parameters {
     id: &'static str,
+    /// How the robot's joints move; of one that is not listed, by turning.
+    kinds: Vec<JointKind>,
     /// What is fitted.
     pub coordinates: Vec<LawCoordinate>,
     /// What is told.
@@ -111,7 +117,12 @@ pub struct Parameters {
 impl Parameters {
     /// None yet, of the effect `id`.
     pub fn new(id: &'static str) -> Self {
-        Parameters { id, coordinates: Vec::new(), results: Vec::new() }
+        Parameters { id, kinds: Vec::new(), coordinates: Vec::new(), results: Vec::new() }
+    }
+
+    /// None yet, of the effect `id` on the joints of `robot`: units are given for joints that turn, and told in those of the joint.
+    pub fn on(id: &'static str, robot: &Robot) -> Self {
+        Parameters { kinds: robot.joints.iter().map(|joint| joint.kind).collect(), ..Parameters::new(id) }
     }
 
     fn coordinate(&mut self, of: Of, start: f64) -> usize {
@@ -120,7 +131,23 @@ impl Parameters {
     }
 
     fn result(&mut self, symbol: &str, unit: &'static str, of: Of, form: Form) {
-        self.results.push(LawResult { name: format!("{}.{symbol}{}", self.id, of.index()), unit, form });
+        let unit = match (of, &form) {
+            (_, Form::Phase(..) | Form::SignedPhase(..)) => unit,
+            (Of::Joint(joint), _) => self.kinds.get(joint).map_or(unit, |&kind| unit_at(kind, unit)),
+            _ => unit,
+        };
+        let name = format!("{}.{symbol}{}", self.id, of.index());
+        self.results.push(LawResult { name, unit, form, range: [f64::NEG_INFINITY, f64::INFINITY] });
+    }
+
+    /// Says what the results of this symbol can be in a robot. A fit is free to leave the range; a diagnosis then does not believe it.
+    pub fn within(&mut self, symbol: &str, range: [f64; 2]) {
+        let name = format!("{}.{symbol}", self.id);
+        for result in &mut self.results {
+            if result.name.strip_prefix(&name).is_some_and(|rest| rest.is_empty() || rest.starts_with('[')) {
+                result.range = range;
+            }
+        }
     }
 
     /// A number as it is. Gives its coordinate.
@@ -187,6 +214,22 @@ impl Parameters {
             }
         }
         z
+    }
+}
+
+/// The unit at a joint of this kind of what has `unit` at one that turns.
+pub fn unit_at(kind: JointKind, unit: &'static str) -> &'static str {
+    match (kind, unit) {
+        (JointKind::Revolute, unit) => unit,
+        (_, "N m") => "N",
+        (_, "1/(N m)") => "1/N",
+        (_, "N m/rad") => "N/m",
+        (_, "N m/rad^3") => "N/m^3",
+        (_, "N m s/rad") => "N s/m",
+        (_, "N m s^2/rad^2") => "N s^2/m^2",
+        (_, "rad") => "m",
+        (_, "rad/s") => "m/s",
+        (_, unit) => unit,
     }
 }
 

@@ -124,6 +124,18 @@ pub fn check(recording: &Recording) -> Check {
     check
 }
 
+/// What makes any result of this recording worthless: wrong units, signs or columns, another rate, sensors that are not
+/// there, no input at all. A small part of [`check`].
+pub fn obstacles(recording: &Recording) -> Vec<Finding> {
+    let mut findings = Findings::default();
+    timing::look(recording, &mut findings);
+    rest::look(recording, &mut findings);
+    saturation::look(recording, &mut findings);
+    plausibility::look(recording, &mut findings);
+    findings.0.retain(|finding| finding.severity == Severity::Error);
+    findings.0
+}
+
 impl Check {
     /// Adds a finding in its place; one of severity error makes the recording unusable.
     pub fn add(&mut self, finding: Finding) {

@@ -13,6 +13,10 @@ const RANGE_SHARE: f64 = 0.995;
 const INVALID_WARNING: f64 = 0.01;
 /// Share of samples whose loss in one channel makes it useless.
 const INVALID_ERROR: f64 = 0.5;
+/// Many times its range are no readings of a gyro, in any unit but one that the encoders betray.
+const IMPOSSIBLE_RANGES: f64 = 100.0;
+/// No link or gyro turns so fast, rad/s (or m/s).
+const FASTEST_RAD_S: f64 = 1e5;
 /// As many equal readings in a row at the very end of what was read are no coincidence in a gyro's noise.
 const CLIPPED_RUN: usize = 5;
 
@@ -23,18 +27,55 @@ pub(super) fn look(recording: &Recording, findings: &mut Findings) {
             findings.add(severity, About::Saturation, Some(name), message, advice);
         };
         invalid(channel, &mut add);
-        if let ChannelKind::GyroAxis { gyro, .. } = channel.spec.kind {
-            let range_rad_s = recording.robot.gyros().nth(gyro).and_then(|gyro| gyro.range_rad_s);
-            clipped(channel, range_rad_s, &mut add);
-        } else if recording.len() > 1 && range(&channel.values).is_some_and(|(low, high)| low == high) {
+        impossible(recording, channel, &mut add);
+        if recording.len() > 1 && range(&channel.values).is_some_and(|(low, high)| low == high) {
+            let reading = range(&channel.values).map_or(f64::NAN, |(low, _)| low);
+            // The encoder of a joint that nothing drives may well stand still.
+            let severity = if undriven(recording, channel) { Severity::Warning } else { Severity::Error };
             add(
-                Severity::Error,
-                format!("the reading is {} {} in every sample", channel.values[0], channel.spec.unit),
+                severity,
+                format!("the reading is {reading} {} in every sample", channel.spec.unit),
                 "is the sensor connected? In a table, is this the right column?",
             );
+        } else if let ChannelKind::GyroAxis { gyro, .. } = channel.spec.kind {
+            let range_rad_s = recording.robot.gyros().nth(gyro).and_then(|gyro| gyro.range_rad_s);
+            clipped(channel, range_rad_s, &mut add);
         }
     }
     limited(recording, findings);
+}
+
+/// Whether the channel is one of a joint whose input is zero throughout.
+fn undriven(recording: &Recording, channel: &Channel) -> bool {
+    match channel.spec.kind {
+        ChannelKind::MotorPosition { joint }
+        | ChannelKind::LinkPosition { joint }
+        | ChannelKind::MotorSpeed { joint }
+        | ChannelKind::LinkSpeed { joint } => recording.duty[joint].iter().all(|&input| input == 0.0),
+        ChannelKind::GyroAxis { .. } => false,
+    }
+}
+
+/// Readings beyond anything that such a sensor gives. Positions are held against the joint's limits elsewhere.
+fn impossible(recording: &Recording, channel: &Channel, add: &mut impl FnMut(Severity, String, &str)) {
+    let most = match channel.spec.kind {
+        ChannelKind::GyroAxis { gyro, .. } => {
+            let range_rad_s = recording.robot.gyros().nth(gyro).and_then(|gyro| gyro.range_rad_s);
+            range_rad_s.map_or(FASTEST_RAD_S, |full| IMPOSSIBLE_RANGES * full)
+        }
+        ChannelKind::MotorSpeed { .. } | ChannelKind::LinkSpeed { .. } => FASTEST_RAD_S,
+        ChannelKind::MotorPosition { .. } | ChannelKind::LinkPosition { .. } => return,
+    };
+    let count = channel.values.iter().filter(|value| value.abs() > most).count();
+    let worst = range(&channel.values).map_or(0.0, |(low, high)| low.abs().max(high.abs()));
+    // Many of them are another unit, which is told by the encoders.
+    if count > 0 && (count as f64) < INVALID_WARNING * channel.values.len() as f64 {
+        add(
+            Severity::Error,
+            format!("{count} readings are no rates (up to {worst:.3e} {})", channel.spec.unit),
+            "leave these fields empty in the table (the sensor had no valid reading), and look for what made them",
+        );
+    }
 }
 
 fn invalid(channel: &Channel, add: &mut impl FnMut(Severity, String, &str)) {

@@ -208,6 +208,10 @@ fn clipped_and_missing_readings_are_told() {
     only(&limited, Severity::Note, About::Saturation, "in 1 ticks");
     let constant = checked(|s| s.values[0] = 0.25);
     among(&constant, Severity::Error, About::Saturation, "in every sample");
+    let spike = checked(|s| s.values[2] = if s.k == 9000 { 1e30 } else { s.values[2] });
+    among(&spike, Severity::Error, About::Saturation, "1 readings are no rates (up to 1.000e30");
+    let leap = checked(|s| s.values[0] = if s.k == 9000 { -1e9 } else { s.values[0] });
+    among(&leap, Severity::Error, About::Units, "1 readings are no positions (up to 1.000e9");
 }
 
 #[test]
@@ -236,5 +240,5 @@ fn wrong_units_signs_and_axes_are_told() {
     let gyro_in_degrees = checked(scaled(1..4, 57.29578));
     among(&gyro_in_degrees, Severity::Error, About::Units, "reads 57.2");
     let turned = checked(scaled(1..4, -1.0));
-    only(&turned, Severity::Warning, About::Units, "does not turn as the encoders say");
+    only(&turned, Severity::Error, About::Units, "does not turn as the encoders say (correlation -1.00)");
 }

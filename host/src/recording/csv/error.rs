@@ -3,6 +3,8 @@
 use std::io;
 use std::path::PathBuf;
 
+use crate::robot::TimeUnit;
+
 /// Why a table was refused.
 #[derive(Debug, thiserror::Error)]
 pub enum TableError {
@@ -61,9 +63,27 @@ pub enum TableError {
         what: What,
     },
     /// The rows come at another rate than the robot's tick.
-    #[error("the rows are {found_us} µs apart (median), and the robot's tick is {expected_us} µs")]
+    #[error("the rows are {found_us} µs apart (median, of times read as {}), and the robot's tick is {expected_us} µs{}", read_as.words(), looks_like(*likely))]
     Rate {
         /// Median step between rows, µs.
+        found_us: f64,
+        /// The robot's period, µs.
+        expected_us: f64,
+        /// The unit that the column was read in.
+        read_as: TimeUnit,
+        /// The unit in which the rows come at the robot's rate.
+        likely: Option<TimeUnit>,
+    },
+    /// A part of the table has another rate.
+    #[error(
+        "from line {line} on {rows} rows are {found_us} µs apart, the others {expected_us} µs: the table has two rates"
+    )]
+    MixedRates {
+        /// Where they begin.
+        line: u64,
+        /// How many of them follow one another.
+        rows: usize,
+        /// Their step, µs.
         found_us: f64,
         /// The robot's period, µs.
         expected_us: f64,
@@ -108,6 +128,16 @@ pub enum What {
         /// The field.
         String,
     ),
+    /// A time in a column that the robot file names.
+    #[error("the time `{text}` is not a number of {} from {zero} on", unit.words())]
+    Stamp {
+        /// The field.
+        text: String,
+        /// The unit of the column.
+        unit: TimeUnit,
+        /// What counts as time 0.
+        zero: f64,
+    },
     /// The same time twice.
     #[error("the time {t_us} µs stands in line {before_line} already")]
     Duplicate {
@@ -153,6 +183,14 @@ impl TableError {
             Self::Foreign { advice, .. } => (*advice).to_owned(),
             Self::Empty(_) => "the first line names the columns, each line after it is one tick".to_owned(),
             Self::Header { advice, .. } => advice.clone(),
+            Self::MixedRates { .. } => {
+                "import the parts with one rate each by itself, with a robot file of that sample_period_s; nothing is resampled".to_owned()
+            }
+            Self::Rate { read_as, likely: Some(likely), .. } => format!(
+                "give the times in {}, or write time = {{ column = …, unit = \"{}\" }} under [import] in the robot file",
+                read_as.words(),
+                likely.name()
+            ),
             Self::Rate { .. } => {
                 "set sample_period_s in the robot file to the rate of the table (host robot show prints the file), or check the unit of the time column: t_us is microseconds, t_s seconds".to_owned()
             }
@@ -185,15 +223,22 @@ impl What {
             Self::Seconds(_) => {
                 "t_s is seconds of any clock that does not run backwards; subtract the start if it is negative"
             }
+            Self::Stamp { .. } => {
+                "times must not be before the `zero` of import.time in the robot file (0 if it is left out); set it to the first one if that is negative"
+            }
             Self::Duplicate { .. } => "one row a tick: delete the repeated row, or give the times with more digits",
             Self::Backwards { .. } => {
                 "sort the rows by time, or import the parts before and after a restart of the clock one by one"
             }
             Self::Duty(_) => {
-                "divide by 100 if these are percent; or declare another unit under [input] in the robot file"
+                "if these are percent, divide by 100 or write unit = \"percent\" under import.columns in the robot file; if volts or amperes, declare that unit under [input]"
             }
             Self::NotText => "save the table as plain text in UTF-8",
             Self::Syntax(_) => "fields need no quotes; an opened quote must be closed in the same field",
         }
     }
+}
+
+fn looks_like(likely: Option<TimeUnit>) -> String {
+    likely.map_or(String::new(), |unit| format!("; the times look like {}", unit.words()))
 }

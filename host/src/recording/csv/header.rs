@@ -1,16 +1,49 @@
 //! The header row: which column is what.
 
-use crate::robot::Robot;
+use crate::robot::{Import, ImportColumn, Robot, TimeUnit};
 
 use super::TableError;
 
 /// How time is told.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Clock {
     /// `t_us`, whole microseconds.
     Microseconds,
     /// `t_s`, seconds.
     Seconds,
+    /// A column that the robot file names.
+    Named {
+        /// Its unit.
+        unit: TimeUnit,
+        /// The number that becomes 0.
+        zero: f64,
+    },
+}
+
+impl Clock {
+    /// The unit of the column.
+    pub(super) fn unit(self) -> TimeUnit {
+        match self {
+            Self::Microseconds => TimeUnit::Microseconds,
+            Self::Seconds => TimeUnit::Seconds,
+            Self::Named { unit, .. } => unit,
+        }
+    }
+}
+
+/// Where a column of the recording stands in a row, and how its numbers are to be taken.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Field {
+    pub index: usize,
+    pub zero: f64,
+    pub factor: f64,
+}
+
+impl Field {
+    /// The value of the recording.
+    pub(super) fn value(self, number: f64) -> f64 {
+        (number - self.zero) * self.factor
+    }
 }
 
 /// Where the robot's columns stand in a row.
@@ -22,38 +55,31 @@ pub(super) struct Header {
     /// Field with the time.
     pub time: usize,
     /// Field with the input of each joint.
-    pub duty: Vec<usize>,
+    pub duty: Vec<Field>,
     /// Field with each of the robot's channels.
-    pub channels: Vec<usize>,
+    pub channels: Vec<Field>,
+    /// Columns that nothing is read from.
+    pub ignored: Vec<String>,
+    /// What separates whole numbers from fractions.
+    pub decimal: char,
+    /// Fields without a reading, beside the empty one.
+    pub missing: Vec<String>,
 }
 
 impl Header {
-    /// Finds the robot's columns among `names`. Each must be there once, and no other.
+    /// Finds the robot's own columns among `names`. Each must be there once, and no other.
     pub(super) fn find(names: Vec<String>, robot: &Robot, line: u64) -> Result<Self, TableError> {
         let expected = expected_columns(robot);
         let refuse = |what: String, advice: String| TableError::Header { line, what, advice };
         let columns_of = |robot: &Robot| {
             format!(
-                "for the robot `{}` the header is: {} (give another robot with --robot)",
+                "for the robot `{}` the header is: {} (give another robot with --robot, or name your columns under [import] in its file)",
                 robot.name,
                 expected_columns(robot).join(",")
             )
         };
-        if let [only] = names.as_slice()
-            && let Some(separator) = [';', '\t', '|'].into_iter().find(|&separator| only.contains(separator))
-        {
-            return Err(refuse(
-                format!("the columns are separated by {separator:?}"),
-                "separate the columns by commas, and write numbers with a decimal point".to_owned(),
-            ));
-        }
-        if names.iter().all(|name| name.parse::<f64>().is_ok()) {
-            return Err(refuse("there is no header, the first line holds numbers".to_owned(), columns_of(robot)));
-        }
-        for (index, name) in names.iter().enumerate() {
-            if names[..index].contains(name) {
-                return Err(refuse(format!("the column `{name}` is there twice"), "rename or delete one".to_owned()));
-            }
+        readable(&names, ',', line, || columns_of(robot))?;
+        for name in &names {
             if name != "t_s" && !expected.contains(name) {
                 let nearest =
                     nearest(name, &expected).map_or(String::new(), |best| format!(" (did you mean `{best}`?)"));
@@ -61,16 +87,8 @@ impl Header {
             }
         }
         let place = |wanted: &str| names.iter().position(|name| name == wanted);
-        let (clock, time) = match (place("t_us"), place("t_s")) {
-            (Some(time), None) => (Clock::Microseconds, time),
-            (None, Some(time)) => (Clock::Seconds, time),
-            (Some(_), Some(_)) => {
-                return Err(refuse("there are both t_us and t_s".to_owned(), "delete one of them".to_owned()));
-            }
-            (None, None) => {
-                return Err(refuse("the column `t_us` (or `t_s`) is missing".to_owned(), columns_of(robot)));
-            }
-        };
+        let (clock, time) = own_clock(&names, line)?
+            .ok_or_else(|| refuse("the column `t_us` (or `t_s`) is missing".to_owned(), columns_of(robot)))?;
         let missing: Vec<&str> =
             expected[1..].iter().filter(|name| place(name).is_none()).map(String::as_str).collect();
         if !missing.is_empty() {
@@ -80,9 +98,102 @@ impl Header {
             };
             return Err(refuse(what, columns_of(robot)));
         }
-        let places: Vec<usize> = expected[1..].iter().filter_map(|name| place(name)).collect();
-        let (duty, channels) = places.split_at(robot.joints.len());
-        Ok(Self { clock, time, duty: duty.to_vec(), channels: channels.to_vec(), names })
+        let fields: Vec<Field> = expected[1..]
+            .iter()
+            .filter_map(|name| Some(Field { index: place(name)?, zero: 0.0, factor: 1.0 }))
+            .collect();
+        let (duty, channels) = fields.split_at(robot.joints.len());
+        let (duty, channels) = (duty.to_vec(), channels.to_vec());
+        Ok(Self { clock, time, duty, channels, names, ignored: Vec::new(), decimal: '.', missing: Vec::new() })
+    }
+
+    /// Finds the columns that `import` names among `names`; others are ignored.
+    pub(super) fn named(names: Vec<String>, robot: &Robot, import: &Import, line: u64) -> Result<Self, TableError> {
+        let refuse = |what: String, advice: String| TableError::Header { line, what, advice };
+        let columns = || format!("the table has the columns {}", names.join(", "));
+        readable(&names, import.separator, line, || "the first line must name the columns".to_owned())?;
+        let place = |wanted: &str| names.iter().position(|name| name == wanted);
+        let (clock, time) = match &import.time {
+            Some(time) => {
+                let clock = Clock::Named { unit: time.unit, zero: time.zero };
+                let index = place(&time.column).ok_or_else(|| {
+                    let what = format!("the column `{}` with the time is missing", time.column);
+                    refuse(what, format!("correct import.time.column in the robot file; {}", columns()))
+                })?;
+                (clock, index)
+            }
+            None => own_clock(&names, line)?.ok_or_else(|| {
+                let what = "there is neither `t_us` nor `t_s`".to_owned();
+                refuse(
+                    what,
+                    format!("name the column with the time under import.time in the robot file; {}", columns()),
+                )
+            })?,
+        };
+        let field = |column: &ImportColumn| match place(&column.column) {
+            Some(index) => Ok(Field { index, zero: column.zero, factor: column.factor }),
+            None => {
+                let ImportColumn { name, column, .. } = column;
+                let nearest =
+                    nearest(column, &names).map_or(String::new(), |best| format!(" (did you mean `{best}`?)"));
+                let what =
+                    format!("the column `{column}` for {name} of the robot `{}` is missing{nearest}", robot.name);
+                let advice = format!(
+                    "correct import.columns.{name} in the robot file, or give the robot with --robot; {}",
+                    columns()
+                );
+                Err(refuse(what, advice))
+            }
+        };
+        let fields = import.columns.iter().map(field).collect::<Result<Vec<Field>, _>>()?;
+        let (duty, channels) = fields.split_at(robot.joints.len());
+        let used = |index: usize| index == time || fields.iter().any(|field| field.index == index);
+        let ignored = (0..names.len()).filter(|&index| !used(index)).map(|index| names[index].clone()).collect();
+        let (duty, channels) = (duty.to_vec(), channels.to_vec());
+        let (decimal, missing) = (import.decimal, import.missing.clone());
+        Ok(Self { clock, time, duty, channels, ignored, decimal, missing, names })
+    }
+}
+
+/// Refuses a line that is not cut into columns, that is no header (`wanted` says what it should hold), and columns of one name.
+fn readable(names: &[String], separator: char, line: u64, wanted: impl Fn() -> String) -> Result<(), TableError> {
+    let refuse = |what: String, advice: String| Err(TableError::Header { line, what, advice });
+    if let [only] = names
+        && let Some(found) = [',', ';', '\t', '|', ' '].into_iter().find(|found| only.contains(*found))
+    {
+        let advice = match found {
+            ' ' => "separate the columns by commas".to_owned(),
+            _ => format!(
+                "separate the columns by {separator:?}, or write separator = {:?} (and decimal = \",\" if numbers have a comma) under [import] in the robot file",
+                found.to_string()
+            ),
+        };
+        return refuse(format!("the columns are separated by {found:?}"), advice);
+    }
+    if names.iter().all(|name| name.parse::<f64>().is_ok()) {
+        let advice = format!("{}; a header that begins with # is read as a comment: take the # away", wanted());
+        return refuse("there is no header, the first line holds numbers".to_owned(), advice);
+    }
+    match (1..names.len()).find(|&index| names[..index].contains(&names[index])) {
+        Some(index) => {
+            refuse(format!("the column `{}` is there twice", names[index]), "rename or delete one".to_owned())
+        }
+        None => Ok(()),
+    }
+}
+
+/// The column `t_us` or `t_s`.
+fn own_clock(names: &[String], line: u64) -> Result<Option<(Clock, usize)>, TableError> {
+    let place = |wanted: &str| names.iter().position(|name| name == wanted);
+    match (place("t_us"), place("t_s")) {
+        (Some(time), None) => Ok(Some((Clock::Microseconds, time))),
+        (None, Some(time)) => Ok(Some((Clock::Seconds, time))),
+        (None, None) => Ok(None),
+        (Some(_), Some(_)) => Err(TableError::Header {
+            line,
+            what: "there are both t_us and t_s".to_owned(),
+            advice: "delete one of them, or name one under import.time in the robot file".to_owned(),
+        }),
     }
 }
 
@@ -106,6 +217,9 @@ fn nearest<'a>(name: &str, expected: &'a [String]) -> Option<&'a str> {
         ("enc", "theta"),
         ("encoder", "theta"),
     ];
+    if let Some(same) = expected.iter().find(|expected| plain(expected) == plain(name)) {
+        return Some(same);
+    }
     let mut wanted = plain(name);
     for (alias, short) in aliases {
         if let Some(rest) = wanted.strip_prefix(alias)

@@ -11,15 +11,21 @@
 //! A missing tick is a missing row. An empty field is a sensor without a valid reading in that tick. Gzip is told by
 //! its first bytes.
 //!
+//! Tables of other programs have other names and units: the section `[import]` of the robot file says which column is
+//! what, and what one of its numbers is in SI ([`crate::robot::Import`]). Columns that it does not name are passed over.
+//!
 //! What a table cannot carry (motion, phases, flags, balance, handshake) is lost by an export.
 
 mod error;
 mod header;
+#[cfg(test)]
+mod mapping_tests;
+mod rate;
 mod read;
 #[cfg(test)]
 mod tests;
 mod write;
 
 pub use error::{TableError, What};
-pub use read::{parse, read};
+pub use read::{Table, parse, read};
 pub use write::write;

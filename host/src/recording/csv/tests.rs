@@ -12,7 +12,7 @@ use crate::recording::{NO_PHASE, Recording};
 use crate::robot::Robot;
 
 fn read(text: &str) -> Result<Recording, TableError> {
-    parse(text.as_bytes(), &Robot::builtin("one_joint").unwrap(), Path::new("data.csv"))
+    Ok(parse(text.as_bytes(), &Robot::builtin("one_joint").unwrap(), Path::new("data.csv"))?.recording)
 }
 
 const HEADER: &str = "t_us,u1,theta1,g1x,g1y,g1z";
@@ -43,7 +43,7 @@ proptest! {
         prop_assume!(median_step_is_one_period(&recording));
         recording.motion = None;
         let text = write(Vec::new(), &recording).unwrap();
-        let read = parse(&text, &recording.robot, Path::new("data.csv")).unwrap();
+        let read = parse(&text, &recording.robot, Path::new("data.csv")).unwrap().recording;
         assert_same_samples(&read, &recording);
         prop_assert!(read.phase.iter().all(|&phase| phase == NO_PHASE));
     }
@@ -106,7 +106,7 @@ fn gzip_is_told_by_its_first_bytes() {
     packer.write_all(&text).unwrap();
     let packed = packer.finish().unwrap();
     let robot = Robot::builtin("one_joint").unwrap();
-    assert_same_samples(&parse(&packed, &robot, Path::new("data.csv.gz")).unwrap(), &recording);
+    assert_same_samples(&parse(&packed, &robot, Path::new("data.csv.gz")).unwrap().recording, &recording);
     for cut in [2, packed.len() / 2, packed.len() - 1] {
         let error = parse(&packed[..cut], &robot, Path::new("data.csv.gz")).unwrap_err();
         assert!(matches!(error, TableError::Gzip { .. }), "{error}");
@@ -172,7 +172,7 @@ fn what_is_no_table_is_named() {
     refused(read("# only a comment\n\n"), &["no line"]);
     refused(read(&format!("{HEADER}\n# no row\n")), &["a header and no row"]);
     let robot = Robot::builtin("one_joint").unwrap();
-    let from = |bytes: &[u8]| parse(bytes, &robot, Path::new("x"));
+    let from = |bytes: &[u8]| Ok(parse(bytes, &robot, Path::new("x"))?.recording);
     refused(from(mcap::MAGIC), &["MCAP", "host check"]);
     refused(from(b"PK\x03\x04rest"), &["spreadsheet"]);
     refused(from(b"\xff\xfet\0_\0"), &["UTF-16"]);

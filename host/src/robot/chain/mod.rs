@@ -11,7 +11,7 @@
 use super::vector::{
     self, IDENTITY, add, apply, apply_transposed, axes_with_z_along, constant, cross, product, transpose,
 };
-use super::{Body, GravityLoad, JointKind, Matrix3, Robot, RobotError, Vector3};
+use super::{Body, GravityLoad, JointKind, Matrix3, Robot, RobotError, Symbol, Vector3};
 
 mod derivative;
 mod dynamics;
@@ -143,6 +143,36 @@ impl Chain {
             tip.carry(outer, 1.0);
         }
         Ok(chain)
+    }
+
+    /// The same chain whose body `joint` has more inertia about its axis (mass, where it slides) or more of a first moment, as `symbol` says, in
+    /// its unit. Any other symbol changes nothing.
+    #[must_use]
+    pub fn with_moment(mut self, joint: usize, symbol: Symbol, value: f64) -> Self {
+        let link = &mut self.links[joint];
+        match (symbol, link.kind) {
+            (Symbol::J, JointKind::Revolute) => link.inertia.zz += value,
+            (Symbol::J, JointKind::Prismatic) => link.mass_kg += value,
+            (Symbol::FirstMoment { axis }, _) => {
+                let moment: Vector3 = std::array::from_fn(|i| if i == axis { value } else { 0.0 });
+                link.first_moment = add(link.first_moment, apply_transposed(&link.to_body, moment));
+            }
+            _ => {}
+        }
+        self
+    }
+
+    /// The same joints without any mass.
+    #[must_use]
+    pub fn massless(&self) -> Self {
+        let links = self.links.iter().map(|link| Link {
+            kind: link.kind,
+            from_previous: link.from_previous,
+            origin_m: link.origin_m,
+            gravity: link.gravity,
+            ..Link::massless(link.to_body)
+        });
+        Self { links: links.collect(), ..*self }
     }
 
     /// The same chain with or without Coriolis and centrifugal torques.

@@ -4,7 +4,7 @@ use num_dual::Dual64;
 use proptest::prelude::*;
 
 use crate::robot::chain::Chain;
-use crate::robot::{Body, JointKind, Robot};
+use crate::robot::{Body, JointKind, Robot, Symbol};
 
 /// A robot of `kinds` with skew axes, offsets and lopsided bodies.
 fn skew_robot(kinds: &[JointKind]) -> Robot {
@@ -44,6 +44,34 @@ fn mass_matrix(chain: &Chain, q: &[f64]) -> Vec<f64> {
     let mut m = vec![0.0; q.len() * q.len()];
     chain.mass_matrix(q, &mut m);
     m
+}
+
+/// Inertia about the axis and first moments of a body, added to a chain, are those of a body that has them.
+#[test]
+fn moments_of_mass_can_be_added_one_by_one() {
+    // A bar that swings about y, under gravity.
+    let text = Robot::builtin("one_joint").unwrap().toml().replace("axis = [0.0, 0.0, 1.0]", "axis = [0.0, 1.0, 0.0]");
+    let robot = Robot::parse(&text).unwrap();
+    let body = robot.joints[0].body;
+    let [x, _, z] = body.centre_m;
+    let mut point = robot.clone();
+    point.joints[0].body = Body { centre_m: [0.0; 3], inertia_kg_m2: [[0.0; 3]; 3], ..body };
+    let moments = point
+        .chain()
+        .with_moment(0, Symbol::J, body.inertia_kg_m2[1][1] + body.mass_kg * (x * x + z * z))
+        .with_moment(0, Symbol::FirstMoment { axis: 0 }, body.mass_kg * x)
+        .with_moment(0, Symbol::FirstMoment { axis: 2 }, body.mass_kg * z);
+    let seen = |chain: &Chain| {
+        let (mut mass, mut gravity) = ([0.0f64], [0.0f64]);
+        chain.mass_matrix(&[0.3], &mut mass);
+        chain.bias_torque(&[0.3], &[0.7], &mut gravity);
+        [mass[0], gravity[0]]
+    };
+    for (a, b) in seen(&moments).iter().zip(seen(&robot.chain())) {
+        // rtol 1e-12
+        assert!(b != 0.0 && (a - b).abs() < 1e-12 * b.abs(), "{a} against {b}");
+    }
+    assert_eq!(seen(&robot.chain().massless()), [0.0; 2]);
 }
 
 /// A body parted in two: held still, the passive joints change nothing for the others; given free, the outer part

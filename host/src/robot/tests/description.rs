@@ -18,7 +18,8 @@ fn builtins_parse_and_keep_their_text() {
         let robot = Robot::load(name).unwrap();
         assert_eq!(robot.name, name);
         assert_eq!(Robot::parse(robot.toml()).unwrap(), robot);
-        assert!(robot.joints.iter().all(|joint| joint.transmission == Transmission::Elastic));
+        let rigid = robot.joints.iter().all(|joint| joint.transmission == Transmission::Rigid);
+        assert_eq!(rigid, name == "emps", "{name}");
     }
 }
 
@@ -39,6 +40,31 @@ fn doggy_has_the_columns_and_parameters_of_the_results() {
     );
     assert_eq!(robot.joint_parameter(Symbol::KS, 2).unwrap().value.start, 600.0);
     assert_eq!(robot.joint_parameter(Symbol::KPwm, 2).unwrap().joints, [0, 1, 2]);
+}
+
+/// What only some robots have: viscous friction where no back-EMF stands for it, a constant torque, unknown inertia, an encoder's zero.
+#[test]
+fn a_parameter_that_a_joint_can_do_without_is_zero_unless_it_is_given() {
+    let more = doggy_with(
+        "d_s = { start = 1.0, simulated = 1.5 }",
+        "d_s = { start = 1.0 }\nJ = { start = 0.0 }\nmx = { start = 0.1 }",
+    );
+    let encoder =
+        "[[sensor]]\nkind = \"link_encoder\"\njoint = \"roll\"\nsigma_rad = 1e-5\nzero_rad = { start = 0.0 }\n";
+    let robot = Robot::parse(&format!("{more}\n{encoder}")).unwrap();
+    let names: Vec<_> = robot.parameters().iter().map(|p| (p.name.as_str(), p.unit)).collect();
+    for known in [("J[1]", "kg m^2"), ("mx[1]", "kg m"), ("zero[3]", "rad")] {
+        assert!(names.contains(&known), "{known:?} is not in {names:?}");
+    }
+    assert!(robot.joint_parameter(Symbol::FirstMoment { axis: 0 }, 1).is_none(), "pitch has no mx");
+    let emps = Robot::builtin("emps").unwrap();
+    let units: Vec<_> = emps.parameters().iter().map(|p| (p.name.as_str(), p.unit)).collect();
+    assert_eq!(units, [("b[1]", "kg"), ("mu[1]", "N"), ("v[1]", "N s/m"), ("o[1]", "N")]);
+    // With a voltage the back-EMF is viscous friction by another name.
+    let text = complaint("mu = { start = 2.0, simulated = 1.599 }", "mu = { start = 2.0 }\nv = { start = 1.0 }");
+    assert!(text.contains("joint[1].parameters.v"), "{text}");
+    let text = complaint("speed = \"motor\",", "acts = \"link\", speed = \"motor\",");
+    assert!(text.contains("joint[1].friction.speed"), "{text}");
 }
 
 #[test]
@@ -77,7 +103,7 @@ fn values_without_sense_are_named_with_a_way_out() {
         ("range_rad_s = 17.4533", "counts_per_turn = 3", "a gyro has no such field"),
         ("[0.0, -1.0, 0.0]]", "[0.0, 1.0, 0.0]]", "is a reflection"),
         ("[0.0, -1.0, 0.0]]", "[0.0, -0.9, 0.0]]", "is not a rotation"),
-        ("law = \"coulomb\", ", "law = \"none\", ", "leave speed and slope out"),
+        ("law = \"coulomb\", ", "law = \"none\", ", "leave speed, acts and slope out"),
     ] {
         let text = complaint(from, to);
         assert!(text.contains(told), "{from} → {to} said:\n{text}");
@@ -101,5 +127,33 @@ fn the_template_is_a_robot_and_shows_every_field() {
     }
     for field in ["rotation", "limits_m", "k_t", "link_encoder", "tachometer", "offset_us", "fixed", "prismatic"] {
         assert!(text.contains(field), "{field}");
+    }
+}
+
+/// The hints of the template on imports, each taken at its word.
+#[test]
+fn the_templates_import_is_one() {
+    let template = Robot::template("mine").unwrap();
+    let (robot, hints) = template.split_once("# [import]").unwrap();
+    let tachometer = "[[sensor]]\nkind = \"tachometer\"\njoint = \"first\"\nside = \"motor\"\nsigma_rad_s = 1e-3\n";
+    for skipped in ["enc", "motor_deg"] {
+        let is_code = |line: &&str| (line.starts_with("# [") || line.contains(" = ")) && !line.starts_with("#  ");
+        let code: Vec<&str> = hints
+            .lines()
+            .filter(is_code)
+            .filter(|line| !line.contains(&format!("theta1 = {{ column = \"{skipped}\"")))
+            .map(|line| line.trim_start_matches("# "))
+            .collect();
+        let text = format!("{robot}{tachometer}[import]\n{}", code.join("\n"));
+        let import = Robot::parse(&text).unwrap_or_else(|error| panic!("{error}\n{text}")).import.unwrap();
+        assert_eq!((import.separator, import.decimal, import.missing.len()), (';', ',', 2));
+        let factor = |name: &str| import.columns.iter().find(|column| column.name == name).unwrap().factor;
+        assert_eq!(factor("u1"), -0.01);
+        let count = std::f64::consts::TAU / 2048.0 / 30.0;
+        let degree = 1f64.to_radians() / 30.0;
+        let expected = if skipped == "enc" { degree } else { count };
+        assert!((factor("theta1") / expected - 1.0).abs() < 1e-12, "{}", factor("theta1"));
+        assert!((factor("thd1") / (std::f64::consts::TAU / 60.0 / 30.0) - 1.0).abs() < 1e-12);
+        assert!((factor("g1x") / 0.0609756f64.to_radians() - 1.0).abs() < 1e-12);
     }
 }

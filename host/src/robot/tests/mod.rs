@@ -1,3 +1,4 @@
 mod chain;
 mod description;
 mod doggy;
+mod urdf;

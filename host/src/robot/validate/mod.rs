@@ -1,6 +1,7 @@
 //! From the tables of a description file to a [`Robot`]: every number is looked at once, here.
 
 mod checks;
+mod import;
 mod sensors;
 
 use super::chain::MAX_JOINTS;
@@ -9,10 +10,11 @@ use super::file::{
 };
 use super::vector::IDENTITY;
 use super::{
-    Body, Friction, Input, InputUnit, Joint, JointKind, Matrix3, Parameter, ParameterSpec, Robot, RobotError, Symbol,
+    Body, Friction, Input, InputUnit, Joint, JointKind, Matrix3, Parameter, ParameterSpec, Robot, RobotError, Side,
+    Symbol,
 };
 use checks::{by_kind, by_kind_with, finite, identifier, not_negative, positive, rotation, unit_vector, within};
-use sensors::{gyro_parameters, same_place, sensor};
+use sensors::{gyro_parameters, same_place, sensor, zero_parameters};
 
 type Checked<T> = Result<T, RobotError>;
 
@@ -52,8 +54,9 @@ pub(super) fn robot(file: RobotFile, text: &str) -> Checked<Robot> {
         }
         sensors.push(sensor);
     }
+    parameters.extend(zero_parameters(&sensors, &joints));
     parameters.extend(gyro_parameters(&sensors));
-    Ok(Robot {
+    let mut robot = Robot {
         name: file.name,
         description: file.description,
         sample_period_s: file.sample_period_s,
@@ -63,8 +66,11 @@ pub(super) fn robot(file: RobotFile, text: &str) -> Checked<Robot> {
         joints,
         sensors,
         parameters,
+        import: None,
         toml: text.to_owned(),
-    })
+    };
+    robot.import = file.import.as_ref().map(|table| import::import(table, &robot)).transpose()?;
+    Ok(robot)
 }
 
 fn joint(index: usize, table: &JointTable) -> Checked<Joint> {
@@ -96,11 +102,20 @@ fn joint(index: usize, table: &JointTable) -> Checked<Joint> {
 
 fn friction(at: &str, kind: JointKind, table: &FrictionTable) -> Checked<Friction> {
     if table.law == FrictionLaw::None {
-        let given = [table.speed.is_some(), table.slope_s_rad.is_some(), table.slope_s_m.is_some()];
+        let given =
+            [table.speed.is_some(), table.acts.is_some(), table.slope_s_rad.is_some(), table.slope_s_m.is_some()];
         if given.contains(&true) {
-            return Err(RobotError::invalid(at, "law = \"none\"", "leave speed and slope out, there is no friction"));
+            return Err(RobotError::invalid(
+                at,
+                "law = \"none\"",
+                "leave speed, acts and slope out, there is no friction",
+            ));
         }
         return Ok(Friction::None);
+    }
+    if table.acts == Some(Side::Link) && table.speed == Some(Side::Motor) {
+        let advice = "friction that holds the link back takes the link's speed; leave speed out";
+        return Err(RobotError::invalid(format!("{at}.speed"), "motor", advice));
     }
     let advice = "give the slope κ of τ_f = 2 μ (1 / (1 + exp(−κ v)) − 1/2); the paper has 400 s/rad";
     let slope_s = by_kind_with(kind, (table.slope_s_rad, "slope_s_rad"), (table.slope_s_m, "slope_s_m"), at, advice)?;
@@ -199,7 +214,7 @@ fn joint_parameters(file: &RobotFile, joints: &[Joint], unit: InputUnit) -> Chec
                         value,
                     });
                 }
-                None if users.contains(&j) && shared.is_none() => {
+                None if users.contains(&j) && shared.is_none() && !symbol.is_optional() => {
                     let advice = format!(
                         "missing: give `{name} = {{ start = … }}` or `{{ fixed = … }}` here, or once for all joints under [parameters]"
                     );
@@ -235,16 +250,26 @@ fn entry(table: &ParameterTable, symbol: Symbol) -> Option<StartOrFixed<f64>> {
         Symbol::Mu => table.mu,
         Symbol::KS => table.k_s,
         Symbol::DS => table.d_s,
-        Symbol::Bias { .. } | Symbol::Misalignment { .. } => None,
+        Symbol::V => table.v,
+        Symbol::O => table.o,
+        Symbol::J => table.j,
+        Symbol::FirstMoment { axis: 0 } => table.mx,
+        Symbol::FirstMoment { axis: 1 } => table.my,
+        Symbol::FirstMoment { .. } => table.mz,
+        Symbol::Bias { .. } | Symbol::Misalignment { .. } | Symbol::Zero => None,
     }
 }
 
 fn parameter(field: &str, symbol: Symbol, given: StartOrFixed<f64>, joint: &Joint) -> Checked<Parameter> {
     let (start, free) = start_or_fixed(field, given)?;
+    let simulated = given.simulated.unwrap_or(start);
+    if symbol.has_either_sign() {
+        finite(field, &[start, simulated])?;
+        return Ok(Parameter { start, free, simulated });
+    }
     let bound = if symbol.may_be_zero(joint) { not_negative } else { positive };
     let advice = "this parameter's sign is fixed by physics";
     bound(field, start, advice)?;
-    let simulated = given.simulated.unwrap_or(start);
     bound(&format!("{field}.simulated"), simulated, advice)?;
     Ok(Parameter { start, free, simulated })
 }

@@ -36,6 +36,23 @@ pub(super) fn gyro_parameters(sensors: &[Sensor]) -> Vec<ParameterSpec> {
     specs
 }
 
+/// The zeros of link encoders that do not count from where their motor's does.
+pub(super) fn zero_parameters(sensors: &[Sensor], joints: &[Joint]) -> Vec<ParameterSpec> {
+    let of = |sensor: &Sensor| match sensor {
+        Sensor::LinkEncoder(encoder) => encoder.zero.map(|value| ParameterSpec {
+            name: format!("{}[{}]", Symbol::Zero.name(), encoder.joint + 1),
+            symbol: Symbol::Zero,
+            joints: vec![encoder.joint],
+            unit: Symbol::Zero.unit(joints[encoder.joint].kind),
+            value,
+        }),
+        _ => None,
+    };
+    let mut specs: Vec<ParameterSpec> = sensors.iter().filter_map(of).collect();
+    specs.sort_by_key(|spec| spec.joints.clone());
+    specs
+}
+
 pub(super) fn sensor(at: &str, table: &SensorTable, joints: &[Joint], period_s: f64) -> Checked<Sensor> {
     let Some(joint) = joints.iter().position(|joint| joint.name == table.joint) else {
         let known = joints.iter().map(|joint| joint.name.as_str()).collect::<Vec<_>>().join(", ");
@@ -50,7 +67,8 @@ pub(super) fn sensor(at: &str, table: &SensorTable, joints: &[Joint], period_s: 
     within(&format!("{at}.offset_us"), table.offset_us, 0.0, period_us, "the sensor is read within the tick")?;
     let offset_s = table.offset_us * 1e-6;
     let allowed: &[&str] = match table.kind {
-        SensorKind::MotorEncoder | SensorKind::LinkEncoder => &["counts_per_turn", "sigma_rad", "sigma_m"],
+        SensorKind::MotorEncoder => &["counts_per_turn", "sigma_rad", "sigma_m"],
+        SensorKind::LinkEncoder => &["counts_per_turn", "sigma_rad", "sigma_m", "zero_rad", "zero_m"],
         SensorKind::Tachometer => &["side", "sigma_rad_s", "sigma_m_s"],
         SensorKind::Gyro => &["rotation", "bias_rad_s", "sigma_rad_s", "range_rad_s"],
     };
@@ -71,7 +89,8 @@ pub(super) fn sensor(at: &str, table: &SensorTable, joints: &[Joint], period_s: 
                 let advice = "a sliding link makes no turns; leave it out";
                 return Err(RobotError::invalid(format!("{at}.counts_per_turn"), "given", advice));
             }
-            let encoder = Encoder { joint, counts_per_turn: table.counts_per_turn, sigma, offset_s };
+            let zero = zero(at, table, kind)?;
+            let encoder = Encoder { joint, counts_per_turn: table.counts_per_turn, sigma, zero, offset_s };
             Ok(if table.kind == SensorKind::MotorEncoder {
                 Sensor::MotorEncoder(encoder)
             } else {
@@ -90,6 +109,18 @@ pub(super) fn sensor(at: &str, table: &SensorTable, joints: &[Joint], period_s: 
         }
         SensorKind::Gyro => gyro(at, table, joint, offset_s),
     }
+}
+
+fn zero(at: &str, table: &SensorTable, kind: JointKind) -> Checked<Option<Parameter>> {
+    if table.zero_rad.is_none() && table.zero_m.is_none() {
+        return Ok(None);
+    }
+    let advice = "give `{ start = 0.0 }` to estimate it or `{ fixed = … }` if known";
+    let given = by_kind(kind, table.zero_rad, table.zero_m, &format!("{at}.zero"), advice)?;
+    let (start, free) = start_or_fixed(&format!("{at}.zero"), given)?;
+    let simulated = given.simulated.unwrap_or(start);
+    finite(&format!("{at}.zero"), &[start, simulated])?;
+    Ok(Some(Parameter { start, free, simulated }))
 }
 
 fn gyro(at: &str, table: &SensorTable, body: usize, offset_s: f64) -> Checked<Sensor> {
@@ -133,6 +164,8 @@ fn given_fields(table: &SensorTable) -> impl Iterator<Item = &'static str> {
         (table.counts_per_turn.is_some(), "counts_per_turn"),
         (table.sigma_rad.is_some(), "sigma_rad"),
         (table.sigma_m.is_some(), "sigma_m"),
+        (table.zero_rad.is_some(), "zero_rad"),
+        (table.zero_m.is_some(), "zero_m"),
         (table.sigma_rad_s.is_some(), "sigma_rad_s"),
         (table.sigma_m_s.is_some(), "sigma_m_s"),
         (table.side.is_some(), "side"),

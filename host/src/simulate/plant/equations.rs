@@ -24,6 +24,8 @@ pub(super) struct Equations {
     unit: InputUnit,
     supply_v: f64,
     gyros: Vec<GyroTruth>,
+    /// What link encoders read at zero.
+    pub zeros: Vec<f64>,
 }
 
 /// Where the state's components stand: q and q̇ of the chain, θ and θ̇ of the motors, the effects' own.
@@ -46,6 +48,11 @@ struct DriveTruth {
     friction: Friction,
     b: f64,
     mu: f64,
+    /// Whether friction holds the link back.
+    rubs_at_link: bool,
+    /// Viscous friction beside the back-EMF, and a constant torque.
+    viscous: f64,
+    offset: f64,
     k_s: f64,
     d_s: f64,
 }
@@ -90,11 +97,17 @@ impl Equations {
             InputUnit::Ampere => value(Symbol::KT, j),
             InputUnit::NewtonMetre | InputUnit::Newton => 1.0,
         };
+        for (j, symbol) in (0..n).flat_map(|j| Symbol::OF_BODIES.map(|symbol| (j, symbol))) {
+            chain = chain.with_moment(first + j, symbol, value(symbol, j));
+        }
         let drives = robot.joints.iter().enumerate().map(|(j, joint)| DriveTruth {
             elastic: joint.transmission == Transmission::Elastic,
             friction: joint.friction,
             b: value(Symbol::B, j),
             mu: value(Symbol::Mu, j),
+            rubs_at_link: matches!(joint.friction, Friction::Coulomb { acts: Side::Link, .. }),
+            viscous: value(Symbol::V, j),
+            offset: value(Symbol::O, j),
             k_s: value(Symbol::KS, j),
             d_s: value(Symbol::DS, j),
         });
@@ -118,6 +131,7 @@ impl Equations {
             gyros: gyros.collect(),
             k_pwm: (0..n).map(torque_constant).collect(),
             k_mi: (0..n).map(|j| value(Symbol::KMi, j)).collect(),
+            zeros: (0..n).map(|j| value(Symbol::Zero, j)).collect(),
             unit: robot.input.unit,
             supply_v: robot.input.scale,
             drives,
@@ -155,8 +169,12 @@ impl Equations {
                 let spring = at.k_s * at.wind() + at.d_s * at.wind_rate();
                 at.transmitted = self.asked(at, own, spring, <dyn Physics>::transmission_torque);
             }
-            let friction = self.asked(at, own, at.coulomb(), <dyn Physics>::friction_torque);
+            let mut friction = self.asked(at, own, at.coulomb(), <dyn Physics>::friction_torque) + drive.offset;
             torque[i] -= self.asked(at, own, 0.0, <dyn Physics>::link_load);
+            friction += drive.viscous * if drive.rubs_at_link { at.qd } else { at.thetad };
+            if drive.rubs_at_link {
+                torque[i] -= std::mem::take(&mut friction);
+            }
             if drive.elastic {
                 torque[i] -= at.transmitted;
                 out[2 * m + j] = at.thetad;
@@ -335,7 +353,7 @@ impl DriveTruth {
     fn slip(&self, motor_speed: f64, link_speed: f64) -> (f64, f64) {
         match self.friction {
             Friction::None => (motor_speed, 0.0),
-            Friction::Coulomb { speed, slope_s } => {
+            Friction::Coulomb { speed, slope_s, .. } => {
                 let v = match speed {
                     Side::Motor => motor_speed,
                     Side::Link => link_speed,

@@ -201,7 +201,8 @@ impl Plant {
             Side::Link => self.link_position(joint),
         };
         let effects = self.equations.effects.iter();
-        effects.fold(now, |reading, effect| effect.physics.encoder(side, joint, &self.past, now, reading))
+        let zero = if side == Side::Link { self.equations.zeros[joint] } else { 0.0 };
+        zero + effects.fold(now, |reading, effect| effect.physics.encoder(side, joint, &self.past, now, reading))
     }
 
     /// What gyro `gyro` would read without noise: true rotation, true bias, effects included. rad/s, sensor axes.

@@ -105,7 +105,7 @@ fn recording(name: &str, motion: &str) -> Option<Recording> {
         return None;
     };
     let path = PathBuf::from(folder).join(name).join(format!("{motion}.csv.gz"));
-    Some(csv::read(&path, &Robot::builtin("doggy").unwrap()).unwrap())
+    Some(csv::read(&path, &Robot::builtin("doggy").unwrap()).unwrap().recording)
 }
 
 /// What is left of a recording after a free run of the plant from its first sample to its last.
@@ -208,7 +208,7 @@ fn a_sagging_supply_is_met_to_the_noise() {
 /// Free play is sensitive, and two integrations part after a while: the shorter motion, and 2.0e-3 rad/s measured.
 #[test]
 fn backlash_is_met_nearly_to_the_noise() {
-    let gaps = backlash::gaps(vec![7.0663e-3, 8.4880e-3, 9.1410e-3]);
+    let gaps = backlash::gaps(&Robot::builtin("doggy").unwrap(), vec![7.0663e-3, 8.4880e-3, 9.1410e-3]);
     let Some(misses) = replay_with(&BACKLASH, "validation", vec![gaps]) else { return };
     for rms in misses.gyro {
         assert!((0.98..1.2).contains(&(rms / GYRO_NOISE)), "gyro residual {rms}");

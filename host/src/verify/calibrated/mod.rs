@@ -119,6 +119,11 @@ impl CalibratedModel {
         inputs.iter().map(late).collect()
     }
 
+    /// The coordinates of the dynamics at the calibrated values.
+    pub fn z(&self) -> &[f64] {
+        &self.z
+    }
+
     /// The robot.
     pub fn robot(&self) -> &Robot {
         &self.robot
@@ -166,7 +171,8 @@ impl CalibratedModel {
         };
         for joint in 0..layout.joints() {
             let motor = read(|joint| ChannelKind::MotorPosition { joint }, joint);
-            let link = read(|joint| ChannelKind::LinkPosition { joint }, joint);
+            let link = read(|joint| ChannelKind::LinkPosition { joint }, joint)
+                .map(|reading| reading - self.model.link_zero(joint, &self.z));
             x[layout.q(joint)] = link.or(motor).unwrap_or(0.0);
             x[layout.theta(joint)] = motor.or(link).unwrap_or(0.0);
         }

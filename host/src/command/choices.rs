@@ -1,0 +1,70 @@
+//! How the command line writes choices that the library only knows as enums: their names and their help.
+
+use clap::ValueEnum;
+use clap::builder::PossibleValue;
+
+use crate::calibrate::{NoiseSource, Preset};
+use crate::fleet::By;
+use crate::simulate::Pace;
+
+impl ValueEnum for Preset {
+    fn value_variants<'a>() -> &'a [Self] {
+        &[Preset::Default, Preset::Paper]
+    }
+
+    fn to_possible_value(&self) -> Option<PossibleValue> {
+        Some(match self {
+            Preset::Default => PossibleValue::new("default")
+                .help("Runge–Kutta steps, every gyro predicted from the state on a rigid base, tight process noise"),
+            Preset::Paper => PossibleValue::new("paper")
+                .help("The paper's problem, to reproduce it with its biases: Euler steps, rows (22) and (26), noise of (35)–(37)"),
+        })
+    }
+}
+
+impl ValueEnum for NoiseSource {
+    fn value_variants<'a>() -> &'a [Self] {
+        &[NoiseSource::Fixed, NoiseSource::Estimated]
+    }
+
+    fn to_possible_value(&self) -> Option<PossibleValue> {
+        Some(match self {
+            NoiseSource::Fixed => PossibleValue::new("fixed")
+                .help("The robot file's for the sensors, the preset's for the steps of the model"),
+            NoiseSource::Estimated => {
+                PossibleValue::new("estimated").help("The recording itself, by restricted maximum likelihood")
+            }
+        })
+    }
+}
+
+impl ValueEnum for By {
+    fn value_variants<'a>() -> &'a [Self] {
+        &[By::Robot, By::Folder]
+    }
+
+    fn to_possible_value(&self) -> Option<PossibleValue> {
+        Some(match self {
+            By::Robot => PossibleValue::new("robot").help("The robot's name in the description"),
+            By::Folder => PossibleValue::new("folder")
+                .help("The folder that the result lies in: one folder a robot, where many have the same description"),
+        })
+    }
+}
+
+impl ValueEnum for Pace {
+    fn value_variants<'a>() -> &'a [Self] {
+        &[Pace::Real, Pace::Fast]
+    }
+
+    fn to_possible_value(&self) -> Option<PossibleValue> {
+        match self {
+            Pace::Real => Some(PossibleValue::new("real").help("As a real robot")),
+            Pace::Fast => Some(
+                PossibleValue::new("fast").help("In a motion as fast as the host keeps up; otherwise as a real robot"),
+            ),
+            // Set in code only.
+            Pace::Patient => None,
+        }
+    }
+}

@@ -1,0 +1,53 @@
+//! What is looked at before any long work on a recording: units, signs, columns, rate, dead sensors.
+
+use super::{Failure, Ui};
+use crate::calibrate::FEWEST_SAMPLES;
+use crate::recording::{Recording, check};
+
+/// To be flattened into the `Args` of a verb that draws conclusions from recordings.
+#[derive(Debug, Clone, Copy, clap::Args)]
+pub struct FitnessArgs {
+    /// Go on though units, signs, columns, rate or sensors look wrong
+    #[arg(long)]
+    pub unchecked: bool,
+}
+
+impl FitnessArgs {
+    /// Refuses a recording whose results would be worthless; with `--unchecked` it only says so.
+    pub fn look(self, recording: &Recording, name: impl std::fmt::Display, ui: &Ui) -> Result<(), Failure> {
+        if recording.len() < FEWEST_SAMPLES {
+            // The verb itself says so; so few samples show nothing else.
+            return Ok(());
+        }
+        let obstacles = check::obstacles(recording);
+        let Some(first) = obstacles.first() else { return Ok(()) };
+        for finding in obstacles.iter().skip(usize::from(!self.unchecked)) {
+            say(finding, ui);
+        }
+        if self.unchecked {
+            return Ok(());
+        }
+        Err(Failure::data(format!("{name} cannot be used: {}", told(first)))
+            .advice(format!("{}\nif it is right as it is, add --unchecked", first.advice)))
+    }
+}
+
+/// Says what is wrong with a recording that is only to be kept; whether anything is.
+pub fn warn(recording: &Recording, ui: &Ui) -> bool {
+    let obstacles = check::obstacles(recording);
+    for finding in &obstacles {
+        say(finding, ui);
+    }
+    !obstacles.is_empty()
+}
+
+fn say(finding: &check::Finding, ui: &Ui) {
+    ui.say(format_args!("{}: {}\n    {}", finding.severity.name(), told(finding), finding.advice));
+}
+
+fn told(finding: &check::Finding) -> String {
+    match &finding.channel {
+        Some(channel) => format!("{channel}: {}", finding.message),
+        None => finding.message.clone(),
+    }
+}

@@ -1,0 +1,377 @@
+//! Gyros against encoders. What the encoders predict of each gyro in slow motion, where transmissions hardly bend, is
+//! compared with what it reads; where they do not agree, the mistake is named that would make them.
+
+use super::stats::{full_input, mean_rate, position, range, window_mean};
+use super::unit;
+use crate::recording::check::{About, Findings};
+use crate::recording::{Recording, Severity};
+use crate::robot::{ChannelKind, Gyro};
+
+/// Up to this share of the full input a motion is slow: the gyros see the motors' speeds.
+const SLOW_INPUT: f64 = 0.2;
+/// After a larger input a transmission swings for so long.
+const SETTLING_S: f64 = 0.3;
+/// A gyro that misses more than this share of the motion does not agree. Wrong by 1.5 in scale is 0.1 … 0.25, a wrong
+/// sign 4, another unit 0.97 or 3000.
+const DISAGREES: f64 = 0.5;
+/// From here on a gyro disagrees if a mistake is found that leaves this share of what it misses, and less.
+const DOUBTFUL: f64 = 0.1;
+const LEFT_BY_MISTAKE: f64 = 0.3;
+/// A ratio of measured to predicted rates within this factor of 1 is the right unit.
+const UNIT_FACTOR: f64 = 1.5;
+/// A correlation from which on two rates differ by a factor only.
+const ALIKE: f64 = 0.9;
+/// What a mistake leaves missed if it is the one.
+const EXPLAINS: f64 = 0.3;
+/// A joint that uses more of its range than this is told in the right unit: each mistake is larger than a factor of ten.
+const PLAUSIBLE_USE: f64 = 0.1;
+/// Motion below this many sigmas of the gyro proves nothing.
+const VISIBLE_SIGMAS: f64 = 3.0;
+/// A motion shorter than this may be the swinging of a transmission.
+const LEAST_MOTION_S: f64 = 1.0;
+/// Fewest samples that prove something.
+const LEAST_SAMPLES: usize = 200;
+/// So many samples are looked at.
+const MOST_SAMPLES: usize = 2000;
+
+/// The slow samples of a recording.
+pub(super) struct Scene<'a> {
+    recording: &'a Recording,
+    /// Positions and speeds by sample, then joint.
+    motion: Vec<(Vec<f64>, Vec<f64>)>,
+    gyros: Vec<(&'a Gyro, Vec<[f64; 3]>)>,
+    /// Time from one of these samples to the next, on the whole.
+    period_s: f64,
+}
+
+/// What is assumed of the encoders.
+struct Encoders {
+    /// Column that each joint is read from.
+    order: Vec<usize>,
+    scale: Vec<f64>,
+}
+
+/// What might be wrong.
+#[derive(Clone)]
+struct Suspect {
+    missed: f64,
+    looks: String,
+    advice: String,
+}
+
+impl<'a> Scene<'a> {
+    /// Nothing without gyros, or where a joint has no encoder.
+    pub(super) fn of(recording: &'a Recording) -> Option<Self> {
+        let joints = recording.robot.joints.len();
+        recording.robot.gyros().next()?;
+        let columns: Option<Vec<&[f64]>> =
+            (0..joints).map(|joint| Some(position(recording, joint)?.values.as_slice())).collect();
+        let columns = columns?;
+        let speeds: Vec<Vec<f64>> = columns.iter().map(|values| mean_rate(recording, values)).collect();
+        let most = SLOW_INPUT * full_input(recording);
+        let quiet = |k: usize| recording.duty.iter().all(|u| u[k].abs() <= most);
+        let mut quiet_since_s = recording.time_s(0);
+        let slow: Vec<usize> = (0..recording.len())
+            .filter(|&k| {
+                if !quiet(k) {
+                    quiet_since_s = recording.time_s(k) + SETTLING_S;
+                }
+                recording.time_s(k) >= quiet_since_s && speeds.iter().all(|speed| !speed[k].is_nan())
+            })
+            .collect();
+        if slow.len() < LEAST_SAMPLES {
+            return None;
+        }
+        let step = slow.len().div_ceil(MOST_SAMPLES);
+        let picks: Vec<usize> = slow.iter().copied().step_by(step).collect();
+        let at = |columns: &[&[f64]], k: usize| columns.iter().map(|column| column[k]).collect::<Vec<f64>>();
+        let by_speed: Vec<&[f64]> = speeds.iter().map(Vec::as_slice).collect();
+        let motion = picks.iter().map(|&k| (at(&columns, k), at(&by_speed, k))).collect();
+        let gyros = recording.robot.gyros().enumerate().filter_map(|(index, gyro)| {
+            let axis = |axis| {
+                let kind = ChannelKind::GyroAxis { gyro: index, body: gyro.body, axis };
+                let channel = recording.channels.iter().find(|channel| channel.spec.kind == kind)?;
+                Some(window_mean(recording, &channel.values))
+            };
+            let axes = [axis(0)?, axis(1)?, axis(2)?];
+            Some((gyro, picks.iter().map(|&k| [axes[0][k], axes[1][k], axes[2][k]]).collect()))
+        });
+        let gyros = gyros.collect();
+        Some(Self { recording, motion, gyros, period_s: step as f64 * recording.period_s })
+    }
+
+    /// Share of the motion that the gyros miss, in the mean, if the encoders' columns are multiplied by `scale`; `None`
+    /// if nothing is seen.
+    pub(super) fn missed_with(&self, scale: &[f64]) -> Option<f64> {
+        let order = (0..scale.len()).collect();
+        self.mean_missed(&Encoders { order, scale: scale.to_vec() })
+    }
+
+    fn mean_missed(&self, encoders: &Encoders) -> Option<f64> {
+        let rates = self.rates(encoders);
+        let missed: Vec<f64> =
+            self.gyros.iter().filter_map(|(gyro, read)| Some(self.compare(gyro, read, &rates)?.missed)).collect();
+        (!missed.is_empty()).then(|| missed.iter().sum::<f64>() / missed.len() as f64)
+    }
+
+    /// Share of its range that a joint uses.
+    fn range_share(&self, joint: usize) -> f64 {
+        let limits = self.recording.robot.joints[joint].limits;
+        let range = position(self.recording, joint).and_then(|channel| range(&channel.values));
+        range.map_or(0.0, |(low, high)| (high - low) / (limits[1] - limits[0]))
+    }
+
+    /// Rate of every body in its own axes, by sample.
+    fn rates(&self, encoders: &Encoders) -> Vec<Vec<[f64; 3]>> {
+        let joints = encoders.order.len();
+        let chain = self.recording.robot.chain();
+        let (mut q, mut qd) = (vec![0.0; joints], vec![0.0; joints]);
+        let of = |(positions, speeds): &(Vec<f64>, Vec<f64>)| {
+            for joint in 0..joints {
+                let (column, scale) = (encoders.order[joint], encoders.scale[joint]);
+                q[joint] = scale * positions[column];
+                qd[joint] = scale * speeds[column];
+            }
+            let mut rates = vec![[0.0; 3]; joints];
+            chain.body_rates(&q, &qd, &mut rates);
+            rates
+        };
+        self.motion.iter().map(of).collect()
+    }
+
+    fn compare(&self, gyro: &Gyro, read: &[[f64; 3]], rates: &[Vec<[f64; 3]>]) -> Option<Agreement> {
+        let predicted = rates.iter().map(|rates| {
+            let rate = rates[gyro.body];
+            gyro.rotation.map(|row| row.iter().zip(rate).map(|(r, w)| r * w).sum::<f64>())
+        });
+        let pairs: Vec<Pair> =
+            predicted.zip(read).filter(|(_, read)| read.iter().all(|w| !w.is_nan())).map(|(p, r)| (p, *r)).collect();
+        Agreement::of(&pairs, gyro.sigma_rad_s, self.period_s)
+    }
+}
+
+/// What is predicted of a gyro, and what it reads.
+type Pair = ([f64; 3], [f64; 3]);
+
+/// Second moments of what is predicted (p) and read (r), biases taken off: `pp[i][j]` = ⟨p_i p_j⟩, and so on.
+struct Agreement {
+    pp: [f64; 3],
+    rr: [f64; 3],
+    pr: [[f64; 3]; 3],
+    /// Share of the motion that is missed.
+    missed: f64,
+    /// The encoders alone say that the gyro turns visibly, for longer than a transmission swings.
+    is_turned: bool,
+}
+
+impl Agreement {
+    fn of(pairs: &[Pair], sigma: f64, period_s: f64) -> Option<Self> {
+        if pairs.len() < LEAST_SAMPLES {
+            return None;
+        }
+        let n = pairs.len() as f64;
+        let mean = |of: &dyn Fn(&Pair) -> f64| pairs.iter().map(of).sum::<f64>() / n;
+        let p: [f64; 3] = std::array::from_fn(|i| mean(&|pair| pair.0[i]));
+        let r: [f64; 3] = std::array::from_fn(|i| mean(&|pair| pair.1[i]));
+        let pp = std::array::from_fn(|i| mean(&|pair| (pair.0[i] - p[i]).powi(2)));
+        let rr = std::array::from_fn(|i| mean(&|pair| (pair.1[i] - r[i]).powi(2)));
+        let pr =
+            std::array::from_fn(|i| std::array::from_fn(|j| mean(&|pair| (pair.0[i] - p[i]) * (pair.1[j] - r[j]))));
+        let visible = 3.0 * (VISIBLE_SIGMAS * sigma).powi(2);
+        let (turned, read) = (pp.iter().sum::<f64>() >= visible, rr.iter().sum::<f64>() >= visible);
+        let turning = pairs.iter().filter(|(rate, _)| rate.iter().map(|w| w * w).sum::<f64>() >= visible).count();
+        let is_turned = turned && turning as f64 * period_s >= LEAST_MOTION_S;
+        let mut all = Self { pp, rr, pr, missed: 0.0, is_turned };
+        all.missed = all.missed_if([(0, 1.0), (1, 1.0), (2, 1.0)], 1.0);
+        (turned || read).then_some(all)
+    }
+
+    /// ⟨|r − p'|²⟩ / ⟨|r|²⟩ where axis i of the gyro reads what axis `axes[i].0` should, with that sign, times `scale`.
+    fn missed_if(&self, axes: [(usize, f64); 3], scale: f64) -> f64 {
+        let read: f64 = self.rr.iter().sum();
+        let predicted: f64 = self.pp.iter().sum();
+        let both: f64 = (0..3).map(|i| axes[i].1 * self.pr[axes[i].0][i]).sum();
+        (read - 2.0 * scale * both + scale * scale * predicted) / read.max(f64::MIN_POSITIVE)
+    }
+
+    /// Read over predicted, least squares.
+    fn gain(&self) -> f64 {
+        (0..3).map(|i| self.pr[i][i]).sum::<f64>() / self.pp.iter().sum::<f64>()
+    }
+
+    /// Correlation over all axes.
+    fn coefficient(&self) -> f64 {
+        let scale = (self.pp.iter().sum::<f64>() * self.rr.iter().sum::<f64>()).sqrt();
+        if scale > 0.0 { (0..3).map(|i| self.pr[i][i]).sum::<f64>() / scale } else { 0.0 }
+    }
+}
+
+pub(super) fn look(scene: &Scene<'_>, findings: &mut Findings) {
+    let joints = scene.recording.robot.joints.len();
+    let as_given = Encoders { order: (0..joints).collect(), scale: vec![1.0; joints] };
+    let rates = scene.rates(&as_given);
+    let agreements: Vec<Option<Agreement>> =
+        scene.gyros.iter().map(|(gyro, read)| scene.compare(gyro, read, &rates)).collect();
+    let missed = |g: usize| agreements[g].as_ref().map_or(0.0, |agreement| agreement.missed);
+    if (0..agreements.len()).all(|g| missed(g) <= DOUBTFUL) {
+        return;
+    }
+    let encoders = encoder_suspect(scene);
+    let mean = scene.missed_with(&as_given.scale).unwrap_or(0.0);
+    let by_encoders = encoders.as_ref().is_some_and(|suspect| suspect.missed < LEFT_BY_MISTAKE * mean);
+    let wrong = |g: usize| {
+        let Some(agreement) = &agreements[g] else { return false };
+        let off = !(1.0 / UNIT_FACTOR..UNIT_FACTOR).contains(&agreement.gain());
+        agreement.missed > DISAGREES || off || (agreement.missed > DOUBTFUL && by_encoders)
+    };
+    let bad: Vec<usize> = (0..agreements.len()).filter(|&g| wrong(g)).collect();
+    for (place, &index) in bad.iter().enumerate() {
+        let Some(agreement) = &agreements[index] else { continue };
+        let mut suspects: Vec<Suspect> =
+            [axes_suspect(agreement, index), exchange_suspect(scene, &rates, index)].into_iter().flatten().collect();
+        suspects.extend(encoders.clone());
+        suspects.retain(|suspect| suspect.missed < EXPLAINS);
+        let best = suspects.iter().map(|suspect| suspect.missed).fold(f64::INFINITY, f64::min);
+        suspects.retain(|suspect| suspect.missed <= 2.0 * best + 0.02);
+        let of_encoders = |suspect: &Suspect| encoders.iter().any(|e| e.looks == suspect.looks);
+        // One mistake of the encoders is likelier than the same one of several gyros.
+        if bad.len() > 1 && suspects.iter().any(of_encoders) {
+            suspects.retain(of_encoders);
+        }
+        // A belt that swings and a base that gives way miss much, too: without a mistake that explains it only a clean factor is one, or no
+        // likeness at all to a motion that the encoders see.
+        let correlation = agreement.coefficient();
+        let is_factor = correlation > ALIKE && !(1.0 / UNIT_FACTOR..UNIT_FACTOR).contains(&agreement.gain());
+        let is_unlike = agreement.is_turned && correlation <= DISAGREES;
+        if suspects.is_empty() && !is_factor && !is_unlike {
+            continue;
+        }
+        tell(findings, &format!("gyro{}", index + 1), agreement, &suspects);
+        if place == 0 && suspects.iter().any(of_encoders) && suspects.len() == 1 {
+            return; // told once
+        }
+    }
+}
+
+fn tell(findings: &mut Findings, name: &str, agreement: &Agreement, suspects: &[Suspect]) {
+    let (gain, correlation) = (agreement.gain(), agreement.coefficient());
+    let looks = suspects.iter().map(|suspect| suspect.looks.clone()).collect::<Vec<_>>().join(", or ");
+    let looks = if looks.is_empty() { String::new() } else { format!(": {looks}") };
+    let message = if correlation > DISAGREES {
+        format!("reads {gain:.4} times the rates that the encoders give{looks}")
+    } else {
+        format!("does not turn as the encoders say (correlation {correlation:.2}){looks}")
+    };
+    let advice = match suspects.first() {
+        Some(suspect) => suspect.advice.as_str(),
+        None if correlation > DISAGREES => {
+            "check the gyro's scale (range setting) and the encoders' counts per turn and gear"
+        }
+        None => {
+            "check the order and signs of its axes, the nominal rotation in the robot file, and the body that it sits on"
+        }
+    };
+    findings.add(Severity::Error, About::Units, Some(name), message, advice);
+}
+
+/// Another unit, other axes or both.
+fn axes_suspect(agreement: &Agreement, index: usize) -> Option<Suspect> {
+    const ORDERS: [[usize; 3]; 6] = [[0, 1, 2], [1, 0, 2], [2, 1, 0], [0, 2, 1], [1, 2, 0], [2, 0, 1]];
+    let mut best: Option<Suspect> = None;
+    let mut consider = |suspect: Suspect| {
+        // What changes less comes first, and what comes later has to be clearly better.
+        if best.as_ref().is_none_or(|best| suspect.missed < 0.7 * best.missed - 1e-3) {
+            best = Some(suspect);
+        }
+    };
+    let same = [(0, 1.0), (1, 1.0), (2, 1.0)];
+    for mistake in unit::of_rate() {
+        let looks = format!("it {}", mistake.looks);
+        consider(Suspect { missed: agreement.missed_if(same, mistake.factor), looks, advice: mistake.advice });
+    }
+    for order in ORDERS {
+        for signs in 0..8 {
+            let sign = |axis: usize| if signs >> axis & 1 == 1 { -1.0 } else { 1.0 };
+            let axes = std::array::from_fn(|i| (order[i], sign(i)));
+            if axes == same {
+                continue;
+            }
+            let letters = |i: usize| format!("{}{}", if sign(i) < 0.0 { "−" } else { "" }, ["x", "y", "z"][order[i]]);
+            let named = format!("({}, {}, {})", letters(0), letters(1), letters(2));
+            consider(Suspect {
+                missed: agreement.missed_if(axes, 1.0),
+                looks: format!("its columns (x, y, z) look like {named} of the described gyro"),
+                advice: format!(
+                    "check the order and signs of g{0}x, g{0}y, g{0}z, or the nominal rotation in the robot file",
+                    index + 1
+                ),
+            });
+        }
+    }
+    best
+}
+
+/// The columns of another gyro.
+fn exchange_suspect(scene: &Scene<'_>, rates: &[Vec<[f64; 3]>], index: usize) -> Option<Suspect> {
+    let (gyro, _) = scene.gyros[index];
+    let others = (0..scene.gyros.len()).filter(|&other| other != index);
+    let best = others
+        .filter_map(|other| Some((other, scene.compare(gyro, &scene.gyros[other].1, rates)?.missed)))
+        .min_by(|a, b| a.1.total_cmp(&b.1))?;
+    Some(Suspect {
+        missed: best.1,
+        looks: format!("the columns of gyro{} fit in its place, they look swapped", best.0 + 1),
+        advice: "exchange the columns of the two gyros, in the table or under import.columns in the robot file"
+            .to_owned(),
+    })
+}
+
+/// One mistake of the encoders that makes all gyros agree.
+fn encoder_suspect(scene: &Scene<'_>) -> Option<Suspect> {
+    let robot = &scene.recording.robot;
+    let joints = robot.joints.len();
+    let mut best: Option<Suspect> = None;
+    let mut consider = |encoders: &Encoders, looks: String, advice: String| {
+        let Some(missed) = scene.mean_missed(encoders) else { return };
+        if best.as_ref().is_none_or(|best| missed < 0.7 * best.missed - 1e-3) {
+            best = Some(Suspect { missed, looks, advice });
+        }
+    };
+    let order = || (0..joints).collect::<Vec<usize>>();
+    let sets = std::iter::once((0..joints).collect::<Vec<usize>>())
+        .chain((0..joints).filter(|_| joints > 1).map(|joint| vec![joint]));
+    for set in sets {
+        let who = match set.as_slice() {
+            [joint] => format!("theta{}", joint + 1),
+            _ => "every encoder".to_owned(),
+        };
+        let used = set.iter().map(|&joint| scene.range_share(joint)).fold(0.0, f64::max);
+        for mistake in unit::of_position(scene.recording, set[0], false) {
+            if used > PLAUSIBLE_USE {
+                break; // these encoders show such a motion as the joints can make
+            }
+            let mut scale = vec![1.0; joints];
+            for &joint in &set {
+                let own = unit::of_position(scene.recording, joint, false);
+                let same = own.into_iter().find(|own| own.looks == mistake.looks);
+                scale[joint] = same.map_or(1.0, |own| 1.0 / own.factor);
+            }
+            consider(&Encoders { order: order(), scale }, format!("{who} {}", mistake.looks), mistake.advice);
+        }
+        let mut scale = vec![1.0; joints];
+        set.iter().for_each(|&joint| scale[joint] = -1.0);
+        let advice =
+            "change its sign (sign = -1 under import.columns in the robot file), or turn the joint's axis there";
+        consider(&Encoders { order: order(), scale }, format!("{who} has the wrong sign"), advice.to_owned());
+    }
+    for a in 0..joints {
+        for b in 0..a {
+            let mut order = order();
+            order.swap(a, b);
+            let looks = format!("theta{} and theta{} look swapped", b + 1, a + 1);
+            let advice = "exchange the two columns, in the table or under import.columns in the robot file";
+            consider(&Encoders { order, scale: vec![1.0; joints] }, looks, advice.to_owned());
+        }
+    }
+    best
+}

@@ -1,0 +1,119 @@
+//! Recordings of an independent simulator, imported and diagnosed by the binary: what is hidden in them, and how large it is, stands in their
+//! README. One of them is the riddle of the paper: belts that read far too soft on a robot whose base gives way.
+
+use std::path::Path;
+
+use serde_json::Value;
+use tests::{estimate, host_succeeds, json, recordings, run_host};
+
+/// Diagnoses the calibration recording of a robot, with its validation recording held out. The exit code, DIAG.json, and the page.
+fn diagnosed(folder: &Path, robot: &str) -> (i32, Value, String) {
+    let scratch = tempfile::tempdir().unwrap();
+    let run = |name: &str| {
+        let run = scratch.path().join(format!("{name}.mcap"));
+        let table = folder.join(robot).join(format!("{name}.csv.gz"));
+        host_succeeds([Path::new("import"), &table, Path::new("-o"), &run]);
+        run
+    };
+    let (calibration, validation) = (run("calibration"), run("validation"));
+    let (diag, page) = (scratch.path().join("diag.json"), scratch.path().join("diag.html"));
+    let arguments = [Path::new("diagnose"), &calibration, Path::new("--holdout"), &validation, Path::new("-o"), &diag];
+    let output = run_host(arguments.into_iter().chain([Path::new("--report"), &*page]));
+    eprintln!("{robot}: {}", String::from_utf8_lossy(&output.stderr));
+    (output.status.code().unwrap(), json(&diag), std::fs::read_to_string(&page).unwrap())
+}
+
+/// Holds the one finding against the truth: every parameter of the effect, and all belts, within a share of their own.
+fn is_named(diag: &Value, effect: &str, truth: &[(&str, f64, f64)], (belts, belts_within): ([f64; 3], f64)) {
+    assert_eq!(diag["verdict"], "named");
+    let findings = diag["findings"].as_array().unwrap();
+    assert_eq!(findings.len(), 1, "{findings:?}");
+    assert_eq!(findings[0]["effect"], effect);
+    let extended = &diag["extended"];
+    let belts =
+        [1, 2, 3].map(|joint| format!("k_s[{joint}]")).into_iter().zip(belts).map(|(name, k)| (name, k, belts_within));
+    for (name, truth, within) in
+        truth.iter().map(|(name, truth, within)| (name.to_string(), *truth, *within)).chain(belts)
+    {
+        let share = estimate(extended, &name) / truth - 1.0;
+        eprintln!("{name}: {:+.4} %", 100.0 * share);
+        assert!(share.abs() < within, "{name}: {:+.4} %", 100.0 * share);
+    }
+    // On a motion that no fit has seen, half a second ahead.
+    let gains = findings[0]["gain"].as_array().unwrap();
+    let ahead: Vec<&Value> = gains.iter().filter(|gain| gain["horizon_s"] == 0.5).collect();
+    assert_eq!(ahead.len(), 5, "three encoders and two gyros");
+    for gain in ahead {
+        let low = gain["ci95"][0].as_f64().unwrap();
+        assert!(low > 0.0, "{gain}");
+    }
+}
+
+/// How far the base model's belts read off, as shares.
+fn base_belts(diag: &Value, truth: [f64; 3]) -> [f64; 3] {
+    std::array::from_fn(|i| estimate(&diag["base"], &format!("k_s[{}]", i + 1)) / truth[i] - 1.0)
+}
+
+/// The gain half a second ahead of a sensor.
+fn gain(diag: &Value, sensor: &str) -> f64 {
+    let gains = diag["findings"][0]["gain"].as_array().unwrap();
+    let gain = gains.iter().find(|gain| gain["channel"] == sensor && gain["horizon_s"] == 0.5).unwrap();
+    gain["gain"].as_f64().unwrap()
+}
+
+#[test]
+fn of_a_robot_with_nothing_hidden_nothing_is_said() {
+    let Some(folder) = recordings("diagnosis of a clean robot") else { return };
+    let (exit, diag, _) = diagnosed(&folder, "clean");
+    assert_eq!((exit, &diag["verdict"]), (0, &Value::from("none")));
+    assert_eq!(diag["findings"], Value::Array(Vec::new()));
+}
+
+#[test]
+fn the_riddle_of_the_bearing_is_solved() {
+    let Some(folder) = recordings("the riddle of the bearing") else { return };
+    let (exit, diag, page) = diagnosed(&folder, "base_bearing");
+    assert_eq!(exit, 10);
+    let belts = [366.52, 401.95, 531.76];
+    // Without the bearing pitch and roll read 23 and 16 % too soft, as the paper suspected of its own; yaw is right.
+    let [yaw, pitch, roll] = base_belts(&diag, belts);
+    assert!((-0.01..0.01).contains(&yaw), "yaw {yaw:+.3}"); // −0.001 measured
+    assert!((-0.35..-0.12).contains(&pitch), "pitch {pitch:+.3}"); // −0.231 measured
+    assert!((-0.28..-0.08).contains(&roll), "roll {roll:+.3}"); // −0.160 measured
+    // Measured: 0.001 % (stiffness), 0.007 % (damping) and 0.002 % (belts).
+    let bearing = [
+        ("base_bearing.k[x]", 6885.2, 5e-5),
+        ("base_bearing.k[y]", 7260.5, 5e-5),
+        ("base_bearing.d[x]", 34.834, 4e-4),
+        ("base_bearing.d[y]", 28.734, 4e-4),
+    ];
+    is_named(&diag, "base_bearing", &bearing, (belts, 5e-5));
+    // The error half a second ahead on another motion is cut by more than half: by 0.94 to 0.99 measured.
+    for sensor in ["encoder1", "encoder2", "encoder3", "gyro1", "gyro2"] {
+        let gain = gain(&diag, sensor);
+        assert!((0.85..0.999).contains(&gain), "{sensor}: {gain}");
+    }
+    assert!(page.contains("flexible base bearing"), "the page tells the same story");
+}
+
+#[test]
+fn free_play_in_the_belts_is_named_with_its_size() {
+    let Some(folder) = recordings("diagnosis of backlash") else { return };
+    let (exit, diag, _) = diagnosed(&folder, "backlash");
+    assert_eq!(exit, 10);
+    // Measured: 0.4 to 0.8 % (gaps) and 0.03 to 0.09 % (belts).
+    let gaps =
+        [("backlash.h[1]", 7.0663e-3, 0.025), ("backlash.h[2]", 8.4880e-3, 0.025), ("backlash.h[3]", 9.1410e-3, 0.025)];
+    is_named(&diag, "backlash", &gaps, ([413.42, 389.74, 573.56], 0.003));
+    assert_eq!(diag["findings"][0]["axes"], serde_json::json!([1, 2, 3]));
+}
+
+#[test]
+fn a_sagging_supply_is_named_with_its_size() {
+    let Some(folder) = recordings("diagnosis of a sagging supply") else { return };
+    let (exit, diag, _) = diagnosed(&folder, "voltage_sag");
+    assert_eq!(exit, 10);
+    // Measured: 0.04 % (resistance) and 0.002 % (belts); the belts' truth is printed to 0.001 %.
+    is_named(&diag, "voltage_sag", &[("voltage_sag.r", 0.01, 0.003)], ([435.64, 441.56, 540.01], 6e-5));
+    assert_eq!(diag["extended"]["status"], "converged");
+}
