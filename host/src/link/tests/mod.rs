@@ -4,7 +4,7 @@ mod capture;
 pub mod firmware;
 pub mod peer;
 
-use std::sync::mpsc::RecvTimeoutError;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use protocol::hello::SchemaKey;
@@ -23,11 +23,23 @@ fn open(peer: &Peer) -> Result<Device, LinkError> {
     Device::open(&peer.path, &Options { greetings: 3, ..Options::default() })
 }
 
+/// For what must come: a busy machine may stand still for a while, a broken program never sends it.
+const PATIENCE: Duration = Duration::from_secs(10);
+
+/// The requests among messages.
+fn requests(heard: Vec<ToDevice>) -> Vec<(u8, Command)> {
+    let request = |message| match message {
+        ToDevice::Request { id, command } => Some((id, command)),
+        _ => None,
+    };
+    heard.into_iter().filter_map(request).collect()
+}
+
 /// Takes `n` samples and whatever comes between them.
 fn take(device: &Device, n: usize) -> (Vec<u64>, Vec<Arrival>) {
     let (mut seqs, mut rest) = (Vec::new(), Vec::new());
     while seqs.len() < n {
-        match device.next(Duration::from_secs(5)).unwrap().expect("samples come") {
+        match device.next(PATIENCE).unwrap().expect("samples come") {
             Arrival::Sample { seq, t_us, sample } => {
                 assert_eq!((seq as u32, t_us as u32), (sample.seq, sample.t_us));
                 seqs.push(seq);
@@ -93,7 +105,12 @@ fn a_full_queue_costs_samples_and_counts_them() {
     let mut device = Device::open(&peer.path, &Options { queue: 50, ..Options::default() }).unwrap();
     device.settle().unwrap();
     device.stream().unwrap();
-    std::thread::sleep(Duration::from_millis(300)); // nobody takes them
+    let until = Instant::now() + PATIENCE;
+    while device.balance().host_dropped < 100 {
+        // Nobody takes them.
+        assert!(Instant::now() < until, "{:?}", device.balance());
+        std::thread::sleep(Duration::from_millis(5));
+    }
     device.end_stream().unwrap();
     let mut taken = 0;
     while device.next(Duration::ZERO).unwrap().is_some() {
@@ -121,7 +138,9 @@ fn samples_of_an_earlier_session_are_not_counted() {
 
 #[test]
 fn a_lost_answer_is_asked_for_again_and_nothing_is_done_twice() {
-    let peer = Peer::start(Doggy { lost_answers: 2, ..Doggy::default() });
+    let doggy = Doggy { lost_answers: 2, ..Doggy::default() };
+    let acted = Arc::clone(&doggy.acted);
+    let peer = Peer::start(doggy);
     let mut device = open(&peer).unwrap();
     let mut motion = Motion::new(Header {
         name: text("trial"),
@@ -130,13 +149,20 @@ fn a_lost_answer_is_asked_for_again_and_nothing_is_done_twice() {
     });
     motion.segments.push(Segment { stage: 0, action: Action::Zero { duration_ms: 10 } }).unwrap();
     device.upload(MotionId(1), &motion).unwrap();
-    let mut ids = Vec::new();
-    while let Ok(message) = peer.heard.recv_timeout(Duration::from_millis(50)) {
-        if let ToDevice::Request { id, .. } = message {
-            ids.push(id);
-        }
+    // A busy machine may ask once more than the losses make necessary; for nothing else meanwhile.
+    let sent: Vec<_> = requests(peer.finish()).into_iter().map(|(id, _)| id).collect();
+    assert!(sent.is_sorted(), "{sent:?}");
+    for id in [1, 2, 3] {
+        assert!(sent.iter().filter(|sent| **sent == id).count() >= 3, "request {id} in {sent:?}");
     }
-    assert_eq!(ids, [1, 1, 1, 2, 2, 2, 3, 3, 3]);
+    let acted = acted.lock().unwrap();
+    assert!(
+        matches!(
+            acted[..],
+            [Command::UploadBegin { .. }, Command::UploadSegment { index: 0, .. }, Command::UploadEnd { .. }]
+        ),
+        "{acted:?}"
+    );
 }
 
 #[test]
@@ -145,20 +171,19 @@ fn heartbeats_go_on_while_nobody_takes_the_samples() {
     let mut device = open(&peer).unwrap();
     device.settle().unwrap();
     device.stream().unwrap();
-    let until = Instant::now() + Duration::from_millis(600);
-    let mut beats: Vec<Instant> = Vec::new();
-    loop {
-        match peer.heard.recv_timeout(until.saturating_duration_since(Instant::now())) {
-            Ok(ToDevice::Heartbeat(_)) => beats.push(Instant::now()),
-            Ok(_) => {}
-            Err(RecvTimeoutError::Timeout) => break,
-            Err(RecvTimeoutError::Disconnected) => panic!("the peer died"),
+    let begin = Instant::now();
+    let mut beats = Vec::new();
+    while beats.len() < 30 {
+        if let ToDevice::Heartbeat(_) = peer.heard.recv_timeout(PATIENCE).expect("heartbeats go on") {
+            beats.push(begin.elapsed());
         }
     }
-    let longest = beats.windows(2).map(|w| w[1] - w[0]).max().unwrap();
-    assert!((15..=31).contains(&beats.len()), "{} beats in 0.6 s", beats.len());
-    // The device's patience is 100 ms.
-    assert!(longest < Duration::from_millis(100), "{longest:?}");
+    // One every 20 ms, by this clock or by the device's: 0.58 s. A busy machine takes longer, and stands still now and then: the
+    // median tells that they come well within the device's patience of 100 ms.
+    let mut gaps: Vec<_> = beats.windows(2).map(|w| w[1] - w[0]).collect();
+    gaps.sort();
+    assert!(beats[29] > Duration::from_millis(250), "30 beats in {:?}", beats[29]);
+    assert!(gaps[14] < Duration::from_millis(60), "{gaps:?}");
 }
 
 #[test]
@@ -169,23 +194,16 @@ fn a_stop_lets_no_start_follow() {
     std::thread::spawn(move || stopper.stop()).join().unwrap();
     assert!(matches!(device.start(MotionId(1), None), Err(LinkError::Stopping { .. })));
     device.stop().unwrap();
-    let heard: Vec<_> = std::iter::from_fn(|| peer.heard.recv_timeout(Duration::from_millis(50)).ok()).collect();
-    let commands: Vec<_> = heard
-        .iter()
-        .filter_map(|m| match m {
-            ToDevice::Request { command, .. } => Some(command),
-            _ => None,
-        })
-        .collect();
-    assert_eq!(commands, [&Command::Stop, &Command::Stop]);
+    let heard = requests(peer.finish());
+    assert!(heard.len() >= 2 && heard.iter().all(|(_, command)| *command == Command::Stop), "{heard:?}");
 }
 
 #[test]
 fn a_dropped_device_is_told_to_stop() {
     let peer = Peer::start(Doggy::default());
     drop(open(&peer).unwrap());
-    let heard = std::iter::from_fn(|| peer.heard.recv_timeout(Duration::from_millis(50)).ok()).last();
-    assert!(matches!(heard, Some(ToDevice::Request { command: Command::Stop, .. })), "{heard:?}");
+    let heard = peer.finish();
+    assert!(matches!(heard.last(), Some(ToDevice::Request { command: Command::Stop, .. })), "{heard:?}");
 }
 
 /// Answers a greeting with one report and nothing else with anything.
@@ -277,7 +295,7 @@ fn an_unplugged_device_is_gone_after_what_it_sent() {
     device.stream().unwrap();
     take(&device, 20);
     drop(peer);
-    let until = Instant::now() + Duration::from_secs(5);
+    let until = Instant::now() + PATIENCE;
     let error = loop {
         match device.next(Duration::from_millis(100)) {
             Err(error) => break error,
@@ -312,7 +330,7 @@ fn a_restart_in_the_middle_ends_the_stream_with_its_reason() {
     device.stream().unwrap();
     let mut log = None;
     let error = loop {
-        match device.next(Duration::from_secs(5)) {
+        match device.next(PATIENCE) {
             Ok(Some(Arrival::Log { text, .. })) => log = Some(text),
             Ok(arrival) => assert!(arrival.is_some(), "nobody noticed"),
             Err(error) => break error,

@@ -1,9 +1,9 @@
 //! A scripted device behind a pseudo-terminal: what it answers and sends is the test's to say.
 
 use std::io::{Read, Write};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -20,6 +20,8 @@ use serialport::{SerialPort, TTYPort};
 const TICK: Duration = Duration::from_millis(1);
 /// Most ticks between two looks at the port.
 const MOST_TICKS: u32 = 100;
+/// Looks at the port in a row, of a millisecond each, that find nothing: nothing is under way.
+const LAST_LOOKS: u32 = 20;
 /// Bytes that wait for the host until the device waits too.
 const ROOM: usize = 4096;
 
@@ -70,8 +72,11 @@ impl Peer {
             let mut bytes = [0; 512];
             let mut out = Wire::default();
             let mut last = Instant::now();
-            while !end.load(Relaxed) {
+            let mut silent = 0;
+            // What was sent before the end is heard.
+            while !end.load(Relaxed) || silent < LAST_LOOKS {
                 let n = port.read(&mut bytes).unwrap_or(0);
+                silent = if n == 0 { silent + 1 } else { 0 };
                 for byte in &bytes[..n] {
                     if let Some(Ok(payload)) = decoder.feed(*byte) {
                         let message = read_to_device(payload).unwrap();
@@ -96,14 +101,24 @@ impl Peer {
         });
         Self { path, heard, over, thread: Some(thread) }
     }
-}
 
-impl Drop for Peer {
-    fn drop(&mut self) {
+    /// Ends it; what it heard and nobody has taken yet, whole.
+    pub fn finish(mut self) -> Vec<ToDevice> {
+        self.end();
+        self.heard.try_iter().collect()
+    }
+
+    fn end(&mut self) {
         self.over.store(true, Relaxed);
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
         }
+    }
+}
+
+impl Drop for Peer {
+    fn drop(&mut self) {
+        self.end();
     }
 }
 
@@ -139,10 +154,12 @@ pub struct Doggy {
     /// Answers to requests that are lost before one gets through.
     pub deaf: u32,
     pub lost_answers: u32,
-    pub acted: Vec<Command>,
+    /// What was done, each once however often it was asked for.
+    pub acted: Arc<Mutex<Vec<Command>>>,
     pub memory: protocol::request::Memory,
     pub samples_per_tick: u32,
-    /// How many ticks it may be ahead of what the host has worked off: a busy machine makes it slower and changes nothing else.
+    /// How many ticks it may be ahead of what the host has worked off, and that none passes before the stream: a busy machine makes it
+    /// slower and changes nothing else.
     pub leash: Option<u32>,
     /// The last tick that the host has worked off, or the first of the stream.
     pub worked_off: u32,
@@ -170,7 +187,7 @@ impl Default for Doggy {
             fate: Box::new(|_, _| true),
             deaf: 0,
             lost_answers: 0,
-            acted: Vec::new(),
+            acted: Arc::default(),
             memory: protocol::request::Memory::new(),
             samples_per_tick: 1,
             leash: None,
@@ -222,7 +239,7 @@ impl Script for Doggy {
             ToDevice::Request { id, command } => {
                 let mut memory = self.memory;
                 let answer = memory.answer(*id, || {
-                    self.acted.push(command.clone());
+                    self.acted.lock().unwrap().push(command.clone());
                     match command {
                         Command::Stream { on: true } => {
                             (self.streaming, self.first_seq, self.dropped) = (true, self.seq, 0);
@@ -259,7 +276,7 @@ impl Script for Doggy {
     fn tick(&mut self, out: &mut Wire) {
         for _ in 0..self.samples_per_tick {
             let ahead = self.seq.wrapping_sub(self.worked_off) as i32;
-            if self.streaming && self.leash.is_some_and(|leash| ahead > leash as i32) {
+            if self.leash.is_some_and(|leash| !self.streaming || ahead > leash as i32) {
                 return;
             }
             if self.waiting.take_if(|at| *at == self.seq).is_some() {
