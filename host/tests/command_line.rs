@@ -38,7 +38,7 @@ fn ctrl_c_leaves_no_half_made_file() {
     // In a group of its own, which a terminal would interrupt as a whole.
     let mut host = std::process::Command::new(env!("CARGO_BIN_EXE_host"));
     let mut child = host.args(["--quiet", "demo", "--out"]).arg(folder.path()).process_group(0).spawn().unwrap();
-    let until = Instant::now() + Duration::from_secs(30);
+    let until = Instant::now() + Duration::from_secs(120);
     while !files().iter().any(|file| file.ends_with(".part")) {
         assert!(Instant::now() < until, "{:?}", files());
         std::thread::sleep(Duration::from_millis(5));

@@ -128,11 +128,9 @@ fn a_page_loads_nothing() {
 
 #[test]
 fn six_plots_of_a_hundred_thousand_samples_stay_small() {
-    let start = std::time::Instant::now();
     let size = full_page(100_000).to_html().len();
     // Measured 0.51 MB: 6 plots × 4000 points × (4 + 6·2) B × 4/3, and 51 kB of uPlot.
     assert!((400_000..650_000).contains(&size), "{size} bytes");
-    assert!(start.elapsed().as_secs() < 20);
     if let Ok(path) = std::env::var("REPORT_SAMPLE") {
         std::fs::write(path, full_page(100_000).to_html()).unwrap();
     }

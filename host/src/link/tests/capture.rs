@@ -292,11 +292,14 @@ fn a_device_that_falls_silent_is_given_up() {
         }
         true
     };
-    let peer = Peer::start(Doggy { fate: Box::new(fate), motion_ticks: u32::MAX, ..Doggy::default() });
+    // It does not wait for the host, but for the stream.
+    let leash = Some(i32::MAX as u32);
+    let peer = Peer::start(Doggy { fate: Box::new(fate), motion_ticks: u32::MAX, leash, ..Doggy::default() });
     let trial = Trial::plain(&peer);
     assert!(matches!(trial.outcome, Err(CaptureError::Link(LinkError::Silent { .. }))), "{:?}", trial.outcome);
     let balance = trial.recording().balance.unwrap();
-    assert!(balance.closed && balance.line_lost > 1000, "{balance:?}");
+    // Two seconds of them; fewer where the machine was busy.
+    assert!(balance.closed && balance.line_lost > 200, "{balance:?}");
 }
 
 #[test]

@@ -20,8 +20,8 @@ use serialport::{SerialPort, TTYPort};
 const TICK: Duration = Duration::from_millis(1);
 /// Most ticks between two looks at the port.
 const MOST_TICKS: u32 = 100;
-/// Looks at the port in a row, of a millisecond each, that find nothing: nothing is under way.
-const LAST_LOOKS: u32 = 20;
+/// Looks at the port in a row, of a millisecond each, that find nothing: nothing is under way. Heartbeats come every 20 ms.
+const LAST_LOOKS: u32 = 5;
 /// Bytes that wait for the host until the device waits too.
 const ROOM: usize = 4096;
 
