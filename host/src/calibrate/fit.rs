@@ -236,7 +236,7 @@ impl Task<'_> {
         let mut floor = None;
         if estimated {
             let clock = Instant::now();
-            floor = Some(reml::estimate(&mut problem, &found.solution.point, settings.threads)?.floor);
+            floor = Some(reml::estimate(&mut problem, robot, &found.solution.point, settings.threads)?.floor);
             noise_clock += clock.elapsed();
             found = search::again(&problem, robot, (&start, found), &structural, settings, &mut progress)?;
             if screened.look(&mut problem, &found.solution.point, settings.threads) {
@@ -248,9 +248,11 @@ impl Task<'_> {
         let residue = Residue { floor, ..residue };
         noise_clock += clock.elapsed();
         // The paper's preset shows what its noise does to the estimates.
+        let mut wider = Vec::new();
         if self.method.preset != Preset::Paper {
             let by_noise = marginal::shown_by_noise(&problem, &found, &by_motion, settings.threads)?;
-            found.silent.extend(by_noise);
+            found.silent.extend(by_noise.silent);
+            wider = by_noise.wider;
         }
         let Found { mut solution, held, silent, .. } = found;
 
@@ -258,7 +260,7 @@ impl Task<'_> {
         let directions: Vec<_> = held.iter().map(|held| held.direction.clone()).collect();
         let border = Border::new(&solution.information, &solution.gradient, &directions);
         let mut calibration =
-            summary::summarise(robot, &problem, &start, &solution, &border, (&held, &silent), &residue);
+            summary::summarise(robot, &problem, &start, &solution, &border, (&held, &silent, &wider), &residue);
         calibration.preset = self.method.preset;
         calibration.noise_source = self.method.noise;
         for (noise, left_out) in calibration.noise.iter_mut().zip(screened.left_out()) {

@@ -49,7 +49,7 @@ pub fn foresee(robot: &Robot, recording: &Recording) -> Result<Foresight, Calibr
     let silent = judgement.silent;
     let directions: Vec<_> = held.iter().map(|held| held.direction.clone()).collect();
     let border = Border::new(&judgement.information, &vec![0.0; problem.border().size()], &directions);
-    let estimates = summary::estimates(robot, &problem, &start, &start, &border, &held, &silent);
+    let estimates = summary::estimates(robot, &problem, &start, &start, &border, (&held, &silent, &[]));
     let parameters = estimates
         .into_iter()
         .map(|p| Expected { name: p.name, unit: p.unit, start: p.initial, std_error: p.std_error })

@@ -9,8 +9,8 @@
 //!
 //! H_xx is the states' own block of the normal matrix. The fit by squares leaves this term out, and so errs by S⁻¹ ∂(½ ln |H_xx|)/∂p, S the
 //! information of the parameters. A motion made for calibration shows every parameter so well that this is nothing. Where it does not, the slope
-//! is measured, and a parameter that errs by more than half a standard error is given no number; nor is one that owes the noise more
-//! than half of what seems known.
+//! is measured. A parameter that errs by more than half a standard error has a wider interval, with room for the error; one that errs by more than
+//! four, or that owes the noise more than half of what seems known, is given no number.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -27,10 +27,23 @@ use solve::{LeastSquares, Step};
 const OPEN: f64 = 0.01;
 /// Variance at smoothed states over that of noise-free predictions, below which more than half of the information is noise.
 const MOST_NOISE: f64 = 0.5;
-/// Standard errors that an estimate may be drawn by.
+/// Standard errors that an estimate may be drawn by before its interval has to tell.
 const DRAWN: f64 = 0.5;
+/// And before no interval around it means anything: the slope of the logarithm does not lead so far.
+const TOO_FAR: f64 = 4.0;
+/// Noise-free 95 % interval, in units of the guess, beyond which a drawn parameter has no number either.
+const VAGUE: f64 = 0.5;
 
-/// Parameters of `found` that are given no number for what noise in the states does to them.
+/// What noise in the states does to the results.
+#[derive(Debug, Default)]
+pub(super) struct ByNoise {
+    /// Parameters that are given no number.
+    pub silent: Vec<Held>,
+    /// Unknowns of the border and what their standard errors are to be multiplied by.
+    pub wider: Vec<(usize, f64)>,
+}
+
+/// Parameters of `found` that are given no number, or a wider interval, for what noise in the states does to them.
 ///
 /// How well the motion itself shows a parameter is judged by `by_motion`, the information of noise-free predictions under the noise that the robot
 /// file and the preset tell: a model error makes the estimated noise large, but that is not for the motion to mend. Where the estimated noise is
@@ -43,7 +56,7 @@ pub(super) fn shown_by_noise<'m>(
     found: &Found<'m>,
     by_motion: &[f64],
     threads: usize,
-) -> Result<Vec<Held>, SolveError> {
+) -> Result<ByNoise, SolveError> {
     let point = &found.solution.point;
     let guess = Guess::new(problem, point, &found.noise_free);
     let covariance = |information: &[f64]| guess.scaled(information, &found.held).cholesky().map(|f| f.inverse());
@@ -51,13 +64,13 @@ pub(super) fn shown_by_noise<'m>(
     let (Some(claimed), Some(noise_free), Some(by_motion)) =
         (claimed, covariance(&found.noise_free), covariance(by_motion))
     else {
-        return Ok(Vec::new());
+        return Ok(ByNoise::default());
     };
     let is_open = |covariance: &DMatrix<f64>, i: usize| covariance[(i, i)] > OPEN * OPEN;
     let open: Vec<usize> =
         (0..claimed.nrows()).filter(|&i| is_open(&by_motion, i) && is_open(&noise_free, i)).collect();
     if open.is_empty() {
-        return Ok(Vec::new());
+        return Ok(ByNoise::default());
     }
     let axes = guess.orthonormal(&found.held);
     let mut factor = Factor::new(problem)?;
@@ -73,6 +86,7 @@ pub(super) fn shown_by_noise<'m>(
         )?;
     }
     let drawn = &claimed * slope;
+    let mut wider = Vec::new();
     let silent = open.into_iter().filter_map(|i| {
         let by = drawn[i] / claimed[(i, i)].sqrt();
         let noise = claimed[(i, i)] < MOST_NOISE * noise_free[(i, i)];
@@ -91,16 +105,20 @@ pub(super) fn shown_by_noise<'m>(
         };
         let reason = if noise {
             format!("the motion shows it to {within} only; the rest of what seems known is noise")
-        } else if by.abs() > DRAWN {
+        } else if by.abs() > TOO_FAR || by.abs() > DRAWN && wide > VAGUE {
             format!("the motion shows it to {within} only, and noise draws it {:.1} standard errors away", by.abs())
         } else {
+            if by.abs() > DRAWN {
+                wider.push((i, (1.0 + by * by).sqrt()));
+            }
             return None;
         };
         let mut shares = vec![0.0; claimed.nrows()];
         shares[i] = 1.0;
         Some(Held { direction: shares.clone(), shares, reason, convention: false })
     });
-    Ok(silent.filter(|silent| found.silent.iter().all(|known| known.shares != silent.shares)).collect())
+    let silent = silent.filter(|silent| found.silent.iter().all(|known| known.shares != silent.shares)).collect();
+    Ok(ByNoise { silent, wider })
 }
 
 /// ∂(½ ln |H_xx|) by parameter i alone, in units of the guess: a difference over a standard error `by` either way, the states

@@ -30,9 +30,28 @@ const LEAST_SHARE: f64 = 0.5;
 impl Noise {
     /// What the robot file says of the sensors, and the process noise that a preset assumes.
     pub fn assumed(robot: &Robot, model: &Model, series: &Series, assumptions: &Assumptions) -> Self {
-        Noise {
+        let mut noise = Noise {
             channels: series.channels.iter().map(|channel| channel.sigma).collect(),
             process: by_component(model, assumptions.process.over(robot.sample_period_s)),
+        };
+        noise.allow_unmodelled(robot, model.layout());
+        noise
+    }
+
+    /// Steps no better known than the robot file says: an acceleration from sample to sample moves a speed by itself times the period, and the
+    /// position with it.
+    pub(crate) fn allow_unmodelled(&mut self, robot: &Robot, layout: &Layout) {
+        let period_s = robot.sample_period_s;
+        for (i, joint) in robot.joints.iter().enumerate() {
+            let mut allow = |position: usize, speed: usize, acceleration: f64| {
+                let least = acceleration * period_s;
+                self.process[speed] = self.process[speed].max(least);
+                self.process[position] = self.process[position].max(POSITION_PER_SPEED * period_s * least);
+            };
+            allow(layout.q(i), layout.qd(i), joint.unmodelled.link);
+            if layout.is_elastic(i) {
+                allow(layout.theta(i), layout.thetad(i), joint.unmodelled.motor);
+            }
         }
     }
 
@@ -54,7 +73,7 @@ impl Noise {
     /// Least standard deviations that make sense at `point`: of a step, the integrator's own error (root mean square of one step less two
     /// half steps, along the trajectory); of a channel, half of what the robot file says. Where the model is wrong, the likelihood likes to
     /// believe one sensor to the last digit and none of the others; no sensor is that good.
-    pub(super) fn floor(problem: &Problem<'_>, point: &Point<'_>) -> Self {
+    pub(super) fn floor(problem: &Problem<'_>, robot: &Robot, point: &Point<'_>) -> Self {
         let (series, layout) = (problem.series, problem.model.layout());
         let size = layout.size();
         let mut stepper = Stepper::new(problem.assumptions.integrator);
@@ -84,6 +103,7 @@ impl Noise {
             process: squares.into_iter().map(|square| (square / count).sqrt()).collect(),
         };
         floor.join_positions(layout, period_s / count, LEAST_SPEED);
+        floor.allow_unmodelled(robot, layout);
         floor
     }
 

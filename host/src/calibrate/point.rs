@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::model::{Dynamics, rotation};
+use crate::model::{Dynamics, Model, rotation};
 use solve::Step;
 
 /// Where the shared unknowns stand in the border:
@@ -60,18 +60,16 @@ impl<'m> Point<'m> {
     }
 
     /// Makes `to` x ⊞ δ: sums for everything but the rotations. Its memory is used again.
-    pub fn move_into(
-        &self,
-        step: &Step,
-        layout: &BorderLayout,
-        dynamics_at: impl Fn(&[f64]) -> Dynamics<'m>,
-        to: &mut Self,
-    ) {
+    pub fn move_into(&self, step: &Step, layout: &BorderLayout, model: &'m Model, to: &mut Self) {
         let border = &step.border;
         let delta = |at: usize| Vector3::new(border[at], border[at + 1], border[at + 2]);
         to.z.clear();
         to.z.extend(self.z.iter().zip(border).map(|(z, d)| z + d));
-        to.dynamics = dynamics_at(&to.z);
+        // Far outside of what a law is made for, a straight line leads anywhere.
+        for (coordinate, [low, high]) in model.coordinates().bounds() {
+            to.z[coordinate] = to.z[coordinate].clamp(low, high);
+        }
+        to.dynamics = model.at(&to.z);
         for (gyro, (r, to)) in self.rotations.iter().zip(&mut to.rotations).enumerate() {
             // The product of many steps is kept on SO(3).
             *to = rotation::orthonormalised(&rotation::boxplus(r, &delta(layout.rotation(gyro))));

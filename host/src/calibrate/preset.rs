@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::model::Integrator;
+use crate::robot::{Robot, Unmodelled};
 
 /// A named set of assumptions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -31,6 +32,17 @@ pub struct Method {
     pub preset: Preset,
     /// Where the noise comes from.
     pub noise: NoiseSource,
+}
+
+impl Method {
+    /// The preset's own for this robot. Where its file says what the model does not explain, the noise is known: an estimate would pass errors of the
+    /// model for noise.
+    pub fn suited(preset: Preset, robot: &Robot) -> Self {
+        match robot.joints.iter().any(|joint| joint.unmodelled != Unmodelled::default()) {
+            true => Method { preset, noise: NoiseSource::Fixed },
+            false => preset.into(),
+        }
+    }
 }
 
 impl From<Preset> for Method {

@@ -454,6 +454,6 @@ impl<'m> LeastSquares for Problem<'m> {
     }
 
     fn retract(&self, point: &Point<'m>, step: &Step, to: &mut Point<'m>) {
-        point.move_into(step, &self.border, |z| self.model.at(z), to);
+        point.move_into(step, &self.border, self.model, to);
     }
 }

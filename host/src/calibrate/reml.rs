@@ -17,6 +17,7 @@ use super::noise::{LEAST_SPEED, Noise};
 use super::point::Point;
 use super::problem::Problem;
 use super::windows::Windows;
+use crate::robot::Robot;
 use solve::columns::{self, Entries, ExtraColumns};
 use solve::factor::{Factor, SolveError};
 use solve::{LeastSquares, Stage, Step};
@@ -181,11 +182,12 @@ pub(super) fn residue(problem: &Problem<'_>, point: &Point<'_>, threads: usize) 
 /// Estimates the noise of `problem`, whose solution under its present noise is `point`; `problem` is left with the estimate.
 pub(super) fn estimate<'m>(
     problem: &mut Problem<'m>,
+    robot: &Robot,
     point: &Point<'m>,
     threads: usize,
 ) -> Result<Estimate, SolveError> {
     let mut point = point.clone();
-    let floor = Noise::floor(problem, &point);
+    let floor = Noise::floor(problem, robot, &point);
     let period_s = problem.series.median_period_s();
     let channels = problem.series.channels.len();
     let mut rounds = 0;

@@ -125,8 +125,7 @@ fn fill_run(model: &Model, series: &Series, run: std::ops::Range<usize>, point: 
     let thetad = speeds(&theta, &motor, &link);
     let mut measured_q = columns(&link, &motor);
     for (j, q) in measured_q.iter_mut().enumerate().filter(|(j, _)| link[*j].is_some()) {
-        let zero = model.link_zero(j, &point.z);
-        q.iter_mut().for_each(|q| *q -= zero);
+        q.iter_mut().for_each(|q| *q = model.link_position(j, *q, &point.z));
     }
     let measured_qd = speeds(&measured_q, &link, &motor);
 

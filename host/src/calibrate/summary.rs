@@ -82,8 +82,13 @@ fn columns(problem: &Problem<'_>, robot: &Robot, start: &Point<'_>, end: &Point<
 }
 
 /// The covariance of the results: of the rotations relative to their nominal values too. There a turn that is hardly known about one axis
-/// reaches the others.
-fn physical_covariance(robot: &Robot, problem: &Problem<'_>, end: &Point<'_>, border: &Border) -> Option<DMatrix<f64>> {
+/// reaches the others. Unknowns in `wider` have so many times their standard error.
+fn physical_covariance(
+    robot: &Robot,
+    problem: &Problem<'_>,
+    end: &Point<'_>,
+    (border, wider): (&Border, &[(usize, f64)]),
+) -> Option<DMatrix<f64>> {
     let layout = problem.border();
     let mut slopes = observability::result_slopes(problem.model, &end.z, layout);
     let results = problem.model.coordinates().results();
@@ -93,7 +98,23 @@ fn physical_covariance(robot: &Robot, problem: &Problem<'_>, end: &Point<'_>, bo
         let unknown = layout.rotation(gyro);
         slopes.fixed_view_mut::<3, 3>(results + unknown - layout.dynamics, unknown).copy_from(&by_turn);
     }
-    Some(&slopes * border.covariance()? * slopes.transpose())
+    let mut covariance = &slopes * border.covariance()? * slopes.transpose();
+    let base = problem.model.coordinates().iter().count();
+    for &(unknown, factor) in wider {
+        let is_of = |result: usize| match unknown {
+            unknown if unknown < base => result == unknown,
+            // A law's coordinate may stand in several results.
+            unknown if unknown < layout.dynamics => {
+                slopes[(result, unknown)] != 0.0 && (base..results).contains(&result)
+            }
+            unknown => result == results + unknown - layout.dynamics,
+        };
+        for result in (0..covariance.nrows()).filter(|&result| is_of(result)) {
+            covariance.row_mut(result).scale_mut(factor);
+            covariance.column_mut(result).scale_mut(factor);
+        }
+    }
+    Some(covariance)
 }
 
 /// Everything of the result that the solution holds.
@@ -103,7 +124,7 @@ pub(super) fn summarise<'m>(
     start: &Point<'m>,
     solution: &Solution<Point<'m>>,
     border: &Border,
-    (held, silent): (&[Held], &[Held]),
+    (held, silent, wider): (&[Held], &[Held], &[(usize, f64)]),
     residue: &Residue,
 ) -> Calibration {
     let end = &solution.point;
@@ -116,8 +137,8 @@ pub(super) fn summarise<'m>(
     let (noise, fit) = channels(robot, problem, end, residue);
     let shape = problem.shape();
     let unknowns = shape.stages * shape.stage + shape.border - held.len();
-    let parameters = estimates(robot, problem, start, end, border, held, silent);
-    let covariance = covariance(robot, problem, end, border, &parameters);
+    let parameters = estimates(robot, problem, start, end, border, (held, silent, wider));
+    let covariance = covariance(robot, problem, end, (border, wider), &parameters);
     Calibration {
         correlations: covariance.correlations(STRONG),
         covariance,
@@ -153,11 +174,10 @@ pub(super) fn estimates<'m>(
     start: &Point<'m>,
     end: &Point<'m>,
     border: &Border,
-    held: &[Held],
-    silent: &[Held],
+    (held, silent, wider): (&[Held], &[Held], &[(usize, f64)]),
 ) -> Vec<ParameterEstimate> {
     let columns = columns(problem, robot, start, end);
-    let covariance = physical_covariance(robot, problem, end, border);
+    let covariance = physical_covariance(robot, problem, end, (border, wider));
     let slopes = observability::result_slopes(problem.model, &end.z, problem.border());
     let results = problem.model.coordinates().results();
     let base = problem.model.coordinates().iter().count();
@@ -236,10 +256,10 @@ fn covariance(
     robot: &Robot,
     problem: &Problem<'_>,
     end: &Point<'_>,
-    border: &Border,
+    (border, wider): (&Border, &[(usize, f64)]),
     parameters: &[ParameterEstimate],
 ) -> Covariance {
-    let Some(all) = physical_covariance(robot, problem, end, border) else { return Covariance::default() };
+    let Some(all) = physical_covariance(robot, problem, end, (border, wider)) else { return Covariance::default() };
     let columns = columns(problem, robot, end, end);
     let places: Vec<usize> = parameters
         .iter()

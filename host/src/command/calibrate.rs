@@ -60,7 +60,7 @@ pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
         return Err(Failure::usage(format!("{} is given twice", twice.source.path.display()))
             .advice("a recording counts once: what it says would seem twice as sure as it is"));
     }
-    let method = Method::from(args.preset);
+    let method = Method::suited(args.preset, &robot);
     let method = Method { noise: args.noise.unwrap_or(method.noise), ..method };
     let calibration = solve_extended(&robot, &recordings, method, &args.extensions, ui)?;
     print_table(ui, &calibration);

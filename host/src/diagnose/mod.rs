@@ -30,7 +30,7 @@ pub use result::{
 pub use search::LEVEL;
 pub use yardstick::yardstick;
 
-use crate::calibrate::{Bench, CalibrateError, Preset, extend_as, fit};
+use crate::calibrate::{Bench, CalibrateError, Method, Preset, extend_as, fit};
 use crate::effect::{Effect, EffectError};
 use crate::model::Model;
 use crate::recording::Recording;
@@ -94,7 +94,8 @@ pub fn diagnose(
     let parts = [recording.part(0..cut), recording.part(cut..recording.len())];
     let (fitted, unseen) = holdout.map_or((&parts[0], &parts[1]), |holdout| (recording, holdout));
     step("calibrating the base model");
-    let base = fit(robot, &[fitted], Preset::Default, &options.settings, |_, _| {})?;
+    let method = Method::suited(Preset::Default, robot);
+    let base = fit(robot, &[fitted], method, &options.settings, |_, _| {})?;
     let series = &base.series;
     let noise = yardstick(robot, series);
     let bench = |samples: usize| {

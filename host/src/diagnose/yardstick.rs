@@ -24,6 +24,7 @@ pub fn yardstick(robot: &Robot, series: &Series) -> Noise {
     };
     let speed = STEP_OF_SPEED * (series.period_s / 1e-3).sqrt();
     noise.join_positions(model.layout(), series.period_s, speed);
+    noise.allow_unmodelled(robot, model.layout());
     for (channel, sigma) in noise.channels.iter_mut().enumerate() {
         for rest in &series.rest {
             let readings: Vec<f64> =

@@ -72,8 +72,8 @@ pub struct Model {
     drives: Vec<Drive>,
     layout: Layout,
     laws: Laws,
-    /// What each joint's link encoder reads at zero.
-    zeros: Vec<Source>,
+    /// How each joint's link encoder reads: at zero, and by what share too much.
+    link_readings: Vec<[Source; 2]>,
     /// Links in the chain that carry the robot's bodies.
     bodies: Vec<usize>,
 }
@@ -111,7 +111,9 @@ impl Model {
             links,
             drives: (0..robot.joints.len()).map(|joint| Drive::of(robot, &coordinates, joint)).collect(),
             layout,
-            zeros: (0..robot.joints.len()).map(|joint| coordinates.source(robot, Symbol::Zero, joint)).collect(),
+            link_readings: (0..robot.joints.len())
+                .map(|joint| [Symbol::Zero, Symbol::ScaleError].map(|symbol| coordinates.source(robot, symbol, joint)))
+                .collect(),
             coordinates,
             transmissions,
             laws,
@@ -144,13 +146,10 @@ impl Model {
         !self.links.is_sum() && self.drives.iter().all(Drive::is_plain)
     }
 
-    /// What a joint's link encoder reads at zero, rad or m, at solver coordinates `z`.
-    pub fn link_zero(&self, joint: usize, z: &[f64]) -> f64 {
-        self.zeros[joint].value(z)
-    }
-
-    fn zero(&self, joint: usize) -> Source {
-        self.zeros[joint]
+    /// Where a link stands whose encoder reads `reading`, rad or m, at solver coordinates `z`.
+    pub fn link_position(&self, joint: usize, reading: f64, z: &[f64]) -> f64 {
+        let [zero, scale_error] = self.link_readings[joint].map(|source| source.value(z));
+        (reading - zero) / (1.0 + scale_error)
     }
 
     /// The laws beyond the base model.

@@ -88,6 +88,11 @@ impl Coordinates {
         self.laws.last().map_or(self.list.len(), |block| block.first + block.parameters.coordinates.len())
     }
 
+    /// Coordinates of laws that a search keeps within these ends, which are farther apart than what a robot can have.
+    pub(crate) fn bounds(&self) -> impl Iterator<Item = (usize, [f64; 2])> + '_ {
+        self.laws.iter().flat_map(|block| block.parameters.bounds().map(|(own, ends)| (block.first + own, ends)))
+    }
+
     /// Whether everything is known.
     pub fn is_empty(&self) -> bool {
         self.len() == 0

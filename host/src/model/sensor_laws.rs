@@ -23,6 +23,8 @@ struct OfPosition {
     laws: Vec<(usize, Vec<usize>)>,
     /// What it reads at zero.
     zero: Source,
+    /// By what share of the position it reads too much.
+    scale_error: Source,
 }
 
 /// The reading of a position sensor.
@@ -49,6 +51,13 @@ pub struct GyroReading {
     pub by_z: Vec<(usize, [f64; 3])>,
 }
 
+impl OfPosition {
+    /// Whether it reads the position itself.
+    fn is_plain(&self) -> bool {
+        self.laws.is_empty() && [self.zero, self.scale_error] == [Source::Known(0.0); 2]
+    }
+}
+
 impl SensorLaws {
     /// Of the laws of `model`, a robot with so many gyros.
     pub fn of(model: &Model, gyros: usize) -> Self {
@@ -70,12 +79,13 @@ impl SensorLaws {
         let positions = sides.map(|(joint, side)| {
             let seeing = (0..laws.len()).filter(|&law| laws[law].sees_position(side, joint));
             let mine = |of| of == Of::All || of == Of::Joint(joint);
-            let zero = if side == Side::Link { model.zero(joint) } else { Source::Known(0.0) };
-            OfPosition { joint, side, laws: seeing.map(|law| (law, all(law, &mine))).collect(), zero }
+            let [zero, scale_error] =
+                if side == Side::Link { model.link_readings[joint] } else { [Source::Known(0.0); 2] };
+            OfPosition { joint, side, laws: seeing.map(|law| (law, all(law, &mine))).collect(), zero, scale_error }
         });
         SensorLaws {
             gyros: (0..gyros).map(of_gyro).collect(),
-            positions: positions.filter(|of| !of.laws.is_empty() || of.zero != Source::Known(0.0)).collect(),
+            positions: positions.filter(|of| !of.is_plain()).collect(),
         }
     }
 
@@ -115,12 +125,16 @@ impl SensorLaws {
             reading = model.laws()[*law].position(&at, reading);
             coordinates.extend(own.iter().copied());
         }
-        match self.at(side, joint).map_or(Source::Known(0.0), |of| of.zero) {
+        let mut known = |source: Source| match source {
             Source::Free { coordinate, .. } => {
-                reading += variables(&[coordinate], z, &mut lane)[0];
                 coordinates.push(coordinate);
+                variables(&[coordinate], z, &mut lane)[0]
             }
-            Source::Known(zero) => reading += Narrow::from(zero),
+            Source::Known(value) => Narrow::from(value),
+        };
+        if let Some(of) = self.at(side, joint) {
+            let (scale_error, zero) = (known(of.scale_error), known(of.zero));
+            reading = reading * (Narrow::from(1.0) + scale_error) + zero;
         }
         let [by_position, by_speed, by_z @ ..] = reading.slope;
         PositionReading {

@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 
 use serde::Deserialize;
 
-use super::{Friction, GravityLoad, InputUnit, JointKind, Side, Transmission};
+use super::{Friction, GravityLoad, InputUnit, JointKind, Side, Transmission, Unmodelled};
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -49,6 +49,8 @@ pub(super) struct JointTable {
     pub transmission: Transmission,
     pub friction: FrictionTable,
     pub gear: f64,
+    pub unmodelled_rad_s2: Option<Unmodelled>,
+    pub unmodelled_m_s2: Option<Unmodelled>,
     pub body: BodyTable,
     #[serde(default)]
     pub parameters: ParameterTable,
@@ -134,6 +136,7 @@ pub(super) struct SensorTable {
     pub sigma_m: Option<f64>,
     pub zero_rad: Option<StartOrFixed<f64>>,
     pub zero_m: Option<StartOrFixed<f64>>,
+    pub scale_error: Option<StartOrFixed<f64>>,
     pub sigma_rad_s: Option<f64>,
     pub sigma_m_s: Option<f64>,
     pub side: Option<Side>,

@@ -38,10 +38,11 @@ pub use vector::{Matrix3, Vector3};
 use chain::Chain;
 
 /// The descriptions that come with the program: name and text.
-const BUILTIN: [(&str, &str); 3] = [
+const BUILTIN: [(&str, &str); 4] = [
     ("doggy", include_str!("builtin/doggy.toml")),
     ("one_joint", include_str!("builtin/one_joint.toml")),
     ("emps", include_str!("builtin/emps.toml")),
+    ("kuka_kr300", include_str!("builtin/kuka_kr300.toml")),
 ];
 
 /// What `host robot new` writes; NAME stands for the robot's name.
@@ -97,6 +98,21 @@ pub struct Joint {
     pub gear: f64,
     /// The moved body.
     pub body: Body,
+    /// What the model does not explain of its accelerations.
+    pub unmodelled: Unmodelled,
+}
+
+/// Accelerations that no equation explains, from sample to sample, standard deviations in rad/s² or m/s²: what other axes do to the link, the noise of a
+/// torque that was measured. A step of the model is not taken for more exact.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Unmodelled {
+    /// Of the link.
+    #[serde(default)]
+    pub link: f64,
+    /// Of the motor, on the link side of the gear.
+    #[serde(default)]
+    pub motor: f64,
 }
 
 /// How a joint moves.

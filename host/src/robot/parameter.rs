@@ -43,6 +43,8 @@ pub enum Symbol {
     },
     /// What a link encoder reads where the link stands at zero.
     Zero,
+    /// The share by which a link encoder tells too much.
+    ScaleError,
     /// Bias of one gyro axis (0-based).
     Bias {
         /// Which gyro.
@@ -113,6 +115,7 @@ impl Symbol {
             Self::FirstMoment { axis: 1 } => "my",
             Self::FirstMoment { .. } => "mz",
             Self::Zero => "zero",
+            Self::ScaleError => "scale_error",
             Self::Bias { .. } => "bias",
             Self::Misalignment { .. } => "R_imu",
         }
@@ -123,6 +126,7 @@ impl Symbol {
         match (kind, self) {
             (_, Self::Bias { .. }) => "rad/s",
             (_, Self::Misalignment { .. }) => "rad",
+            (_, Self::ScaleError) => "",
             (JointKind::Revolute, Self::KPwm) => "N m/V",
             (JointKind::Revolute, Self::KT) => "N m/A",
             (_, Self::FirstMoment { .. }) => "kg m",
@@ -152,7 +156,7 @@ impl Symbol {
             // With a voltage it is k_mi by another name.
             Self::V => !matches!(input, InputUnit::Duty | InputUnit::Volt),
             Self::O | Self::J | Self::FirstMoment { .. } => true,
-            Self::Bias { .. } | Self::Misalignment { .. } | Self::Zero => false,
+            Self::Bias { .. } | Self::Misalignment { .. } | Self::Zero | Self::ScaleError => false,
         }
     }
 
@@ -163,7 +167,7 @@ impl Symbol {
 
     /// Whether physics leaves its sign open.
     pub(super) const fn has_either_sign(self) -> bool {
-        matches!(self, Self::O | Self::J | Self::FirstMoment { .. } | Self::Zero)
+        matches!(self, Self::O | Self::J | Self::FirstMoment { .. } | Self::Zero | Self::ScaleError)
     }
 
     /// Whether zero is a value that the equations can stand.

@@ -26,6 +26,8 @@ pub struct Encoder {
     pub sigma: f64,
     /// What it reads where its side stands at zero, rad or m, if that is not zero itself; link encoders only.
     pub zero: Option<Parameter>,
+    /// By what share of the position it tells too much; link encoders only.
+    pub scale_error: Option<Parameter>,
     /// When it is read after the start of the tick, s.
     pub offset_s: f64,
 }

@@ -140,7 +140,20 @@ impl Parameters {
         self.results.push(LawResult { name, unit, form, range: [f64::NEG_INFINITY, f64::INFINITY] });
     }
 
-    /// Says what the results of this symbol can be in a robot. A fit is free to leave the range; a diagnosis then does not believe it.
+    /// Where a search goes no farther: for each coordinate whose result has a range with two ends, half its width beyond either.
+    pub(crate) fn bounds(&self) -> impl Iterator<Item = (usize, [f64; 2])> + '_ {
+        self.results.iter().filter_map(|result| {
+            let [low, high] = result.range;
+            let beyond = 0.5 * (high - low);
+            match result.form {
+                Form::Is(i) if beyond.is_finite() => Some((i, [low - beyond, high + beyond])),
+                _ => None,
+            }
+        })
+    }
+
+    /// Says what the results of this symbol can be in a robot. A fit is free to leave the range, though not far ([`bounds`](Self::bounds)); a
+    /// diagnosis then does not believe it.
     pub fn within(&mut self, symbol: &str, range: [f64; 2]) {
         let name = format!("{}.{symbol}", self.id);
         for result in &mut self.results {

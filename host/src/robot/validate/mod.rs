@@ -11,10 +11,10 @@ use super::file::{
 use super::vector::IDENTITY;
 use super::{
     Body, Friction, Input, InputUnit, Joint, JointKind, Matrix3, Parameter, ParameterSpec, Robot, RobotError, Side,
-    Symbol,
+    Symbol, Unmodelled,
 };
 use checks::{by_kind, by_kind_with, finite, identifier, not_negative, positive, rotation, unit_vector, within};
-use sensors::{gyro_parameters, same_place, sensor, zero_parameters};
+use sensors::{encoder_parameters, gyro_parameters, same_place, sensor};
 
 type Checked<T> = Result<T, RobotError>;
 
@@ -54,7 +54,7 @@ pub(super) fn robot(file: RobotFile, text: &str) -> Checked<Robot> {
         }
         sensors.push(sensor);
     }
-    parameters.extend(zero_parameters(&sensors, &joints));
+    parameters.extend(encoder_parameters(&sensors, &joints));
     parameters.extend(gyro_parameters(&sensors));
     let mut robot = Robot {
         name: file.name,
@@ -97,7 +97,28 @@ fn joint(index: usize, table: &JointTable) -> Checked<Joint> {
         friction: friction(&format!("{at}.friction"), kind, &table.friction)?,
         gear: table.gear,
         body: body(&format!("{at}.body"), &table.body)?,
+        unmodelled: unmodelled(&at, table)?,
     })
+}
+
+fn unmodelled(at: &str, table: &JointTable) -> Checked<Unmodelled> {
+    let stray = match table.kind {
+        JointKind::Revolute => table.unmodelled_m_s2.map(|_| ("unmodelled_m_s2", "unmodelled_rad_s2")),
+        JointKind::Prismatic => table.unmodelled_rad_s2.map(|_| ("unmodelled_rad_s2", "unmodelled_m_s2")),
+    };
+    if let Some((stray, right)) = stray {
+        return Err(RobotError::invalid(
+            format!("{at}.{stray}"),
+            "given",
+            format!("give `{right}` at this kind of joint"),
+        ));
+    }
+    let given = table.unmodelled_rad_s2.or(table.unmodelled_m_s2).unwrap_or_default();
+    let advice = "give the standard deviation of the acceleration that the model does not explain";
+    for (side, value) in [("link", given.link), ("motor", given.motor)] {
+        not_negative(&format!("{at}.unmodelled.{side}"), value, advice)?;
+    }
+    Ok(given)
 }
 
 fn friction(at: &str, kind: JointKind, table: &FrictionTable) -> Checked<Friction> {
@@ -256,7 +277,7 @@ fn entry(table: &ParameterTable, symbol: Symbol) -> Option<StartOrFixed<f64>> {
         Symbol::FirstMoment { axis: 0 } => table.mx,
         Symbol::FirstMoment { axis: 1 } => table.my,
         Symbol::FirstMoment { .. } => table.mz,
-        Symbol::Bias { .. } | Symbol::Misalignment { .. } | Symbol::Zero => None,
+        Symbol::Bias { .. } | Symbol::Misalignment { .. } | Symbol::Zero | Symbol::ScaleError => None,
     }
 }
 

@@ -36,21 +36,27 @@ pub(super) fn gyro_parameters(sensors: &[Sensor]) -> Vec<ParameterSpec> {
     specs
 }
 
-/// The zeros of link encoders that do not count from where their motor's does.
-pub(super) fn zero_parameters(sensors: &[Sensor], joints: &[Joint]) -> Vec<ParameterSpec> {
-    let of = |sensor: &Sensor| match sensor {
-        Sensor::LinkEncoder(encoder) => encoder.zero.map(|value| ParameterSpec {
-            name: format!("{}[{}]", Symbol::Zero.name(), encoder.joint + 1),
-            symbol: Symbol::Zero,
-            joints: vec![encoder.joint],
-            unit: Symbol::Zero.unit(joints[encoder.joint].kind),
-            value,
-        }),
-        _ => None,
+/// Zeros and scale errors of link encoders that do not count as their motor's does.
+pub(super) fn encoder_parameters(sensors: &[Sensor], joints: &[Joint]) -> Vec<ParameterSpec> {
+    let of = |symbol: Symbol| {
+        let mut specs: Vec<ParameterSpec> = sensors
+            .iter()
+            .filter_map(|sensor| {
+                let Sensor::LinkEncoder(encoder) = sensor else { return None };
+                let value = if symbol == Symbol::Zero { encoder.zero? } else { encoder.scale_error? };
+                Some(ParameterSpec {
+                    name: format!("{}[{}]", symbol.name(), encoder.joint + 1),
+                    symbol,
+                    joints: vec![encoder.joint],
+                    unit: symbol.unit(joints[encoder.joint].kind),
+                    value,
+                })
+            })
+            .collect();
+        specs.sort_by_key(|spec| spec.joints.clone());
+        specs
     };
-    let mut specs: Vec<ParameterSpec> = sensors.iter().filter_map(of).collect();
-    specs.sort_by_key(|spec| spec.joints.clone());
-    specs
+    [of(Symbol::Zero), of(Symbol::ScaleError)].concat()
 }
 
 pub(super) fn sensor(at: &str, table: &SensorTable, joints: &[Joint], period_s: f64) -> Checked<Sensor> {
@@ -68,7 +74,7 @@ pub(super) fn sensor(at: &str, table: &SensorTable, joints: &[Joint], period_s: 
     let offset_s = table.offset_us * 1e-6;
     let allowed: &[&str] = match table.kind {
         SensorKind::MotorEncoder => &["counts_per_turn", "sigma_rad", "sigma_m"],
-        SensorKind::LinkEncoder => &["counts_per_turn", "sigma_rad", "sigma_m", "zero_rad", "zero_m"],
+        SensorKind::LinkEncoder => &["counts_per_turn", "sigma_rad", "sigma_m", "zero_rad", "zero_m", "scale_error"],
         SensorKind::Tachometer => &["side", "sigma_rad_s", "sigma_m_s"],
         SensorKind::Gyro => &["rotation", "bias_rad_s", "sigma_rad_s", "range_rad_s"],
     };
@@ -89,8 +95,8 @@ pub(super) fn sensor(at: &str, table: &SensorTable, joints: &[Joint], period_s: 
                 let advice = "a sliding link makes no turns; leave it out";
                 return Err(RobotError::invalid(format!("{at}.counts_per_turn"), "given", advice));
             }
-            let zero = zero(at, table, kind)?;
-            let encoder = Encoder { joint, counts_per_turn: table.counts_per_turn, sigma, zero, offset_s };
+            let (zero, scale_error) = (zero(at, table, kind)?, scale_error(at, table)?);
+            let encoder = Encoder { joint, counts_per_turn: table.counts_per_turn, sigma, zero, scale_error, offset_s };
             Ok(if table.kind == SensorKind::MotorEncoder {
                 Sensor::MotorEncoder(encoder)
             } else {
@@ -120,6 +126,26 @@ fn zero(at: &str, table: &SensorTable, kind: JointKind) -> Checked<Option<Parame
     let (start, free) = start_or_fixed(&format!("{at}.zero"), given)?;
     let simulated = given.simulated.unwrap_or(start);
     finite(&format!("{at}.zero"), &[start, simulated])?;
+    Ok(Some(Parameter { start, free, simulated }))
+}
+
+/// A tenth is another unit or another gear, not an error.
+const MOST_SCALE_ERROR: f64 = 0.1;
+
+fn scale_error(at: &str, table: &SensorTable) -> Checked<Option<Parameter>> {
+    let Some(given) = table.scale_error else { return Ok(None) };
+    let field = format!("{at}.scale_error");
+    let (start, free) = start_or_fixed(&field, given)?;
+    let simulated = given.simulated.unwrap_or(start);
+    for value in [start, simulated] {
+        within(
+            &field,
+            value,
+            -MOST_SCALE_ERROR,
+            MOST_SCALE_ERROR,
+            "give the share by which it tells too much; more is another unit",
+        )?;
+    }
     Ok(Some(Parameter { start, free, simulated }))
 }
 
@@ -166,6 +192,7 @@ fn given_fields(table: &SensorTable) -> impl Iterator<Item = &'static str> {
         (table.sigma_m.is_some(), "sigma_m"),
         (table.zero_rad.is_some(), "zero_rad"),
         (table.zero_m.is_some(), "zero_m"),
+        (table.scale_error.is_some(), "scale_error"),
         (table.sigma_rad_s.is_some(), "sigma_rad_s"),
         (table.sigma_m_s.is_some(), "sigma_m_s"),
         (table.side.is_some(), "side"),

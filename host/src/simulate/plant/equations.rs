@@ -24,8 +24,8 @@ pub(super) struct Equations {
     unit: InputUnit,
     supply_v: f64,
     gyros: Vec<GyroTruth>,
-    /// What link encoders read at zero.
-    pub zeros: Vec<f64>,
+    /// What link encoders read at zero, and by what share of the position too much.
+    pub link_readings: Vec<[f64; 2]>,
 }
 
 /// Where the state's components stand: q and q̇ of the chain, θ and θ̇ of the motors, the effects' own.
@@ -131,7 +131,7 @@ impl Equations {
             gyros: gyros.collect(),
             k_pwm: (0..n).map(torque_constant).collect(),
             k_mi: (0..n).map(|j| value(Symbol::KMi, j)).collect(),
-            zeros: (0..n).map(|j| value(Symbol::Zero, j)).collect(),
+            link_readings: (0..n).map(|j| [value(Symbol::Zero, j), value(Symbol::ScaleError, j)]).collect(),
             unit: robot.input.unit,
             supply_v: robot.input.scale,
             drives,

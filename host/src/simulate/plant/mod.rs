@@ -201,8 +201,10 @@ impl Plant {
             Side::Link => self.link_position(joint),
         };
         let effects = self.equations.effects.iter();
-        let zero = if side == Side::Link { self.equations.zeros[joint] } else { 0.0 };
-        zero + effects.fold(now, |reading, effect| effect.physics.encoder(side, joint, &self.past, now, reading))
+        let reading =
+            effects.fold(now, |reading, effect| effect.physics.encoder(side, joint, &self.past, now, reading));
+        let [zero, scale_error] = if side == Side::Link { self.equations.link_readings[joint] } else { [0.0; 2] };
+        zero + (1.0 + scale_error) * reading
     }
 
     /// What gyro `gyro` would read without noise: true rotation, true bias, effects included. rad/s, sensor axes.

@@ -172,7 +172,7 @@ impl CalibratedModel {
         for joint in 0..layout.joints() {
             let motor = read(|joint| ChannelKind::MotorPosition { joint }, joint);
             let link = read(|joint| ChannelKind::LinkPosition { joint }, joint)
-                .map(|reading| reading - self.model.link_zero(joint, &self.z));
+                .map(|reading| self.model.link_position(joint, reading, &self.z));
             x[layout.q(joint)] = link.or(motor).unwrap_or(0.0);
             x[layout.theta(joint)] = motor.or(link).unwrap_or(0.0);
         }
