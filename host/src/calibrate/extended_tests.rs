@@ -130,39 +130,41 @@ fn four_stages_at_once_are_those_of_the_generic_walk_under_every_law_that_the_ke
             continue;
         };
         let model = Model::extended(&robot, laws).unwrap();
-        let assumptions = || extension::assumptions(model.laws(), Preset::Default);
-        let fast = Problem::new(&model, &robot, &series, assumptions());
-        if fast.fast.is_none() {
-            assert!(effects.len() == 1, "{ids:?} is not covered");
-            continue;
-        }
-        let generic = Problem::new(&model, &robot, &series, assumptions()).generic();
-        covered.push(ids.clone());
-        let mut shared = start::shared(&model, &robot, &series);
-        let mut rng = StdRng::seed_from_u64(6);
-        shared.z.iter_mut().for_each(|z| *z += 0.01 * rng.random_range(-1.0..1.0));
-        let mut point = start::with_states(&model, &series, shared);
-        point.states.iter_mut().for_each(|x| *x += rng.random_range(-0.3..0.3));
-        for k in 0..8 {
-            let (found, expected) = (rows(&fast, &point, k), rows(&generic, &point, k));
-            assert_eq!(found.len(), expected.len(), "{ids:?}, stage {k}");
-            for (found, expected) in found.iter().zip(&expected) {
-                let largest = expected.iter().fold(0.0f64, |a, b| a.max(b.abs()));
-                for (column, (found, expected)) in found.iter().zip(expected).enumerate() {
-                    // rtol 1e-11 of the row's largest entry
-                    let off = (found - expected).abs();
-                    assert!(off <= 1e-11 * largest, "{ids:?}, stage {k}, {column}: {found} against {expected}");
+        for preset in [Preset::Default, Preset::Paper] {
+            let assumptions = || extension::assumptions(model.laws(), preset);
+            let fast = Problem::new(&model, &robot, &series, assumptions());
+            if fast.fast.is_none() {
+                assert!(effects.len() == 1, "{ids:?} is not covered");
+                continue;
+            }
+            let generic = Problem::new(&model, &robot, &series, assumptions()).generic();
+            let name = format!("{} {preset:?}", ids.join(" + "));
+            let mut shared = start::shared(&model, &robot, &series);
+            let mut rng = StdRng::seed_from_u64(6);
+            shared.z.iter_mut().for_each(|z| *z += 0.01 * rng.random_range(-1.0..1.0));
+            let mut point = start::with_states(&model, &series, shared);
+            point.states.iter_mut().for_each(|x| *x += rng.random_range(-0.3..0.3));
+            for k in 0..8 {
+                let (found, expected) = (rows(&fast, &point, k), rows(&generic, &point, k));
+                assert_eq!(found.len(), expected.len(), "{name}, stage {k}");
+                for (found, expected) in found.iter().zip(&expected) {
+                    let largest = expected.iter().fold(0.0f64, |a, b| a.max(b.abs()));
+                    for (column, (found, expected)) in found.iter().zip(expected).enumerate() {
+                        // rtol 1e-11 of the row's largest entry
+                        let off = (found - expected).abs();
+                        assert!(off <= 1e-11 * largest, "{name}, stage {k}, {column}: {found} against {expected}");
+                    }
                 }
             }
+            let cost = |problem: &Problem<'_>| problem.cost(&point, 0..8, &mut problem.scratch());
+            let (found, expected) = (cost(&fast), cost(&generic));
+            assert!((found / expected - 1.0).abs() < 1e-11, "{name}: cost {found} against {expected}");
+            covered.push(name);
         }
-        let cost = |problem: &Problem<'_>| problem.cost(&point, 0..8, &mut problem.scratch());
-        let (found, expected) = (cost(&fast), cost(&generic));
-        assert!((found / expected - 1.0).abs() < 1e-11, "{ids:?}: cost {found} against {expected}");
     }
-    let names: Vec<_> = covered.iter().map(|ids| ids.join(" + ")).collect();
-    eprintln!("covered: {}", names.join(", "));
-    // Measured: 24 laws and the four pairs.
-    assert!(covered.len() >= 28, "{covered:?}");
+    eprintln!("covered: {}", covered.join(", "));
+    // Measured: 24 laws and the four pairs, by both presets.
+    assert!(covered.len() >= 56, "{covered:?}");
 }
 
 #[test]

@@ -63,8 +63,7 @@ struct GyroRowQuads<'a, S: Simd, const L: usize> {
     weight: f64,
     valid: [bool; LANES],
     /// By q and q̇.
-    by_position: [Value<S>; L],
-    by_speed: [Value<S>; L],
+    slopes: ([Value<S>; L], [Value<S>; L]),
     /// First shared unknown of three, and the derivatives by them.
     shared: &'a [(usize, Triple<S>)],
     /// By the gyro's own bias along the row's axis: which gyro and axis.
@@ -286,8 +285,7 @@ impl<const L: usize> Batch<'_, '_, L> {
                     residual: rate.rate(axis) + bias[axis] - value[axis],
                     weight: gyro.weight[axis],
                     valid: finite(value[axis].to_array(), [true; LANES]),
-                    by_position: by_position(&rate, axis),
-                    by_speed: by_speed(&rate, axis),
+                    slopes: rate.slopes(axis),
                     shared: &[(self.problem.border.rotation(gyro.gyro), by_rotation[axis])],
                     bias: Some((gyro.gyro, axis)),
                     base_bias: None,
@@ -320,8 +318,7 @@ impl<const L: usize> Batch<'_, '_, L> {
             residual: rate.rate(0) - dot(&axis_quads, &omega),
             weight: base.weight[0],
             valid: complete,
-            by_position: by_position(&rate, 0),
-            by_speed: by_speed(&rate, 0),
+            slopes: rate.slopes(0),
             shared: &[(problem.border.rotation(base.gyro), by_base)],
             bias: None,
             base_bias: Some((base.gyro, splat(simd, &(base_rotation * axis)))),
@@ -340,8 +337,7 @@ impl<const L: usize> Batch<'_, '_, L> {
                     residual: rate.rate(axis) + bias[axis] - value[axis],
                     weight: gyro.weight[axis],
                     valid: finite(value[axis].to_array(), complete),
-                    by_position: by_position(&rate, axis),
-                    by_speed: by_speed(&rate, axis),
+                    slopes: rate.slopes(axis),
                     shared: &[
                         (problem.border.rotation(gyro.gyro), by_rotation[axis]),
                         (problem.border.rotation(base.gyro), by_base),
@@ -369,8 +365,8 @@ impl<const L: usize> Batch<'_, '_, L> {
         };
         let (mut by_position, mut by_speed) = ([[0.0; LANES]; L], [[0.0; LANES]; L]);
         for j in 0..L {
-            by_position[j] = (row.by_position[j] * row.weight).to_array();
-            by_speed[j] = (row.by_speed[j] * row.weight).to_array();
+            by_position[j] = (row.slopes.0[j] * row.weight).to_array();
+            by_speed[j] = (row.slopes.1[j] * row.weight).to_array();
         }
         for lane in 0..self.count {
             if !row.valid[lane] {
@@ -449,24 +445,6 @@ fn by_rotation<S: Simd>(rate: &Triple<S>, rotation: &[[f64; 3]; 3]) -> [Triple<S
         for j in 0..3 {
             out[j] = rate[after] * rotation[next][j] - rate[next] * rotation[after][j];
         }
-    }
-    out
-}
-
-#[inline(always)]
-fn by_position<S: Simd, const L: usize>(rate: &GyroQuads<S, L>, axis: usize) -> [Value<S>; L] {
-    let mut out = [rate.slopes(axis, 0).0; L];
-    for j in 1..L {
-        out[j] = rate.slopes(axis, j).0;
-    }
-    out
-}
-
-#[inline(always)]
-fn by_speed<S: Simd, const L: usize>(rate: &GyroQuads<S, L>, axis: usize) -> [Value<S>; L] {
-    let mut out = [rate.slopes(axis, 0).1; L];
-    for j in 1..L {
-        out[j] = rate.slopes(axis, j).1;
     }
     out
 }

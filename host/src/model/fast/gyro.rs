@@ -82,10 +82,16 @@ impl<S: Simd, const L: usize> GyroQuads<S, L> {
         dot(self.sensor[axis], self.rate)
     }
 
-    /// ∂rate/∂q_j and ∂rate/∂q̇_j along sensor axis `axis`.
+    /// ∂rate/∂q and ∂rate/∂q̇ along sensor axis `axis`.
     #[inline(always)]
-    pub fn slopes(&self, axis: usize, j: usize) -> (Wide<S>, Wide<S>) {
-        (dot(self.sensor[axis], self.by_position[j]), dot(self.sensor[axis], self.by_speed[j]))
+    pub fn slopes(&self, axis: usize) -> ([Wide<S>; L], [Wide<S>; L]) {
+        let zeros = [Wide::splat(self.rate[0].simd, 0.0); L];
+        let (mut by_position, mut by_speed) = (zeros, zeros);
+        for j in 0..L {
+            by_position[j] = dot(self.sensor[axis], self.by_position[j]);
+            by_speed[j] = dot(self.sensor[axis], self.by_speed[j]);
+        }
+        (by_position, by_speed)
     }
 
     /// The rate in the sensor's axes.

@@ -83,8 +83,8 @@ impl Run<'_> {
             let gyro = GyroQuads::of(&samples, self.fast, body, &self.to_sensor, RateSource::Base);
             for axis in 0..3 {
                 rates.push(Quad(gyro.rate(axis).to_array()));
-                for j in 0..L {
-                    let (by_q, by_qd) = gyro.slopes(axis, j);
+                let (by_q, by_qd) = gyro.slopes(axis);
+                for (by_q, by_qd) in by_q.into_iter().zip(by_qd) {
                     slopes.push((Quad(by_q.to_array()), Quad(by_qd.to_array())));
                 }
             }
