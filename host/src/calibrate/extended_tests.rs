@@ -113,10 +113,16 @@ fn four_stages_at_once_are_those_of_the_generic_walk_under_every_law_that_the_ke
     let robot = Robot::builtin("doggy").unwrap();
     let mut series = Series::made_up(&robot, 8, 3);
     series.spoil(&[(1, 4), (4, 7)], 2);
-    let pair = vec![Effect::by_id("voltage_sag").unwrap(), Effect::by_id("stribeck").unwrap()];
+    let pairs = [
+        ["voltage_sag", "stribeck"],
+        ["base_bearing", "structure_mode"],
+        ["base_bearing", "stribeck"],
+        ["voltage_sag", "structure_mode"],
+    ];
+    let pairs = pairs.map(|pair| pair.map(|id| Effect::by_id(id).unwrap()).to_vec());
     let alone = CATALOGUE.into_iter().map(|effect| vec![effect]);
     let mut covered = Vec::new();
-    for effects in alone.chain([pair]) {
+    for effects in alone.chain(pairs) {
         let ids: Vec<&str> = effects.iter().map(|effect| effect.id).collect();
         let Ok(laws) =
             effects.iter().map(|effect| Ok(effect.laws(&robot)?.swap_remove(0))).collect::<Result<_, EffectError>>()
@@ -124,38 +130,41 @@ fn four_stages_at_once_are_those_of_the_generic_walk_under_every_law_that_the_ke
             continue;
         };
         let model = Model::extended(&robot, laws).unwrap();
-        let assumptions = || extension::assumptions(model.laws(), Preset::Default);
-        let fast = Problem::new(&model, &robot, &series, assumptions());
-        if fast.fast.is_none() {
-            continue;
-        }
-        let generic = Problem::new(&model, &robot, &series, assumptions()).generic();
-        covered.push(ids.clone());
-        let mut shared = start::shared(&model, &robot, &series);
-        let mut rng = StdRng::seed_from_u64(6);
-        shared.z.iter_mut().for_each(|z| *z += 0.01 * rng.random_range(-1.0..1.0));
-        let mut point = start::with_states(&model, &series, shared);
-        point.states.iter_mut().for_each(|x| *x += rng.random_range(-0.3..0.3));
-        for k in 0..8 {
-            let (found, expected) = (rows(&fast, &point, k), rows(&generic, &point, k));
-            assert_eq!(found.len(), expected.len(), "{ids:?}, stage {k}");
-            for (found, expected) in found.iter().zip(&expected) {
-                let largest = expected.iter().fold(0.0f64, |a, b| a.max(b.abs()));
-                for (column, (found, expected)) in found.iter().zip(expected).enumerate() {
-                    // rtol 1e-11 of the row's largest entry
-                    let off = (found - expected).abs();
-                    assert!(off <= 1e-11 * largest, "{ids:?}, stage {k}, {column}: {found} against {expected}");
+        for preset in [Preset::Default, Preset::Paper] {
+            let assumptions = || extension::assumptions(model.laws(), preset);
+            let fast = Problem::new(&model, &robot, &series, assumptions());
+            if fast.fast.is_none() {
+                assert!(effects.len() == 1, "{ids:?} is not covered");
+                continue;
+            }
+            let generic = Problem::new(&model, &robot, &series, assumptions()).generic();
+            let name = format!("{} {preset:?}", ids.join(" + "));
+            let mut shared = start::shared(&model, &robot, &series);
+            let mut rng = StdRng::seed_from_u64(6);
+            shared.z.iter_mut().for_each(|z| *z += 0.01 * rng.random_range(-1.0..1.0));
+            let mut point = start::with_states(&model, &series, shared);
+            point.states.iter_mut().for_each(|x| *x += rng.random_range(-0.3..0.3));
+            for k in 0..8 {
+                let (found, expected) = (rows(&fast, &point, k), rows(&generic, &point, k));
+                assert_eq!(found.len(), expected.len(), "{name}, stage {k}");
+                for (found, expected) in found.iter().zip(&expected) {
+                    let largest = expected.iter().fold(0.0f64, |a, b| a.max(b.abs()));
+                    for (column, (found, expected)) in found.iter().zip(expected).enumerate() {
+                        // rtol 1e-11 of the row's largest entry
+                        let off = (found - expected).abs();
+                        assert!(off <= 1e-11 * largest, "{name}, stage {k}, {column}: {found} against {expected}");
+                    }
                 }
             }
+            let cost = |problem: &Problem<'_>| problem.cost(&point, 0..8, &mut problem.scratch());
+            let (found, expected) = (cost(&fast), cost(&generic));
+            assert!((found / expected - 1.0).abs() < 1e-11, "{name}: cost {found} against {expected}");
+            covered.push(name);
         }
-        let cost = |problem: &Problem<'_>| problem.cost(&point, 0..8, &mut problem.scratch());
-        let (found, expected) = (cost(&fast), cost(&generic));
-        assert!((found / expected - 1.0).abs() < 1e-11, "{ids:?}: cost {found} against {expected}");
     }
-    let names: Vec<_> = covered.iter().map(|ids| ids.join(" + ")).collect();
-    eprintln!("covered: {}", names.join(", "));
-    // Measured: 22 laws and the pair.
-    assert!(covered.len() >= 23, "{covered:?}");
+    eprintln!("covered: {}", covered.join(", "));
+    // Measured: 24 laws and the four pairs, by both presets.
+    assert!(covered.len() >= 56, "{covered:?}");
 }
 
 #[test]

@@ -5,7 +5,7 @@ use nalgebra::{Matrix3, Vector3};
 use super::point::Point;
 use super::preset::GyroRows;
 use super::problem::{GyroRow, Problem};
-use crate::model::fast::{Fast, GyroQuads, JOINTS, RateSource, Samples, StepQuads};
+use crate::model::fast::{Fast, GyroQuads, JOINTS, RateSource, Samples, StepQuads, WITH_PAIR, WITH_PAIRS};
 use solve::simd::{self, LANES, Quad, Simd, Work, vectorised};
 use solve::{BATCH, Stage};
 
@@ -58,13 +58,12 @@ enum Sink<'a> {
 }
 
 /// A gyro's row in all lanes.
-struct GyroRowQuads<'a, S: Simd> {
+struct GyroRowQuads<'a, S: Simd, const L: usize> {
     residual: Value<S>,
     weight: f64,
     valid: [bool; LANES],
     /// By q and q̇.
-    by_position: [Value<S>; JOINTS],
-    by_speed: [Value<S>; JOINTS],
+    slopes: ([Value<S>; L], [Value<S>; L]),
     /// First shared unknown of three, and the derivatives by them.
     shared: &'a [(usize, Triple<S>)],
     /// By the gyro's own bias along the row's axis: which gyro and axis.
@@ -89,7 +88,7 @@ impl<'m> Problem<'m> {
         }
         let count = batch.len();
         let sink = Sink::Stages(batch);
-        vectorised(Batch { problem: self, fast, point, first, count, scratch, sink });
+        self.run_wide(fast, point, (first, count), scratch, sink);
     }
 
     /// ½ Σ r² of a run of stages.
@@ -104,14 +103,31 @@ impl<'m> Problem<'m> {
         for first in stages.clone().step_by(BATCH) {
             let count = BATCH.min(stages.end - first);
             scratch.gather(self, point, first, count);
-            sum += vectorised(Batch { problem: self, fast, point, first, count, scratch, sink: Sink::Squares(0.0) });
+            sum += self.run_wide(fast, point, (first, count), scratch, Sink::Squares(0.0));
         }
         0.5 * sum
     }
+
+    /// One batch, by the kernel of the model's number of links.
+    fn run_wide(
+        &self,
+        fast: &Fast,
+        point: &Point<'m>,
+        (first, count): (usize, usize),
+        scratch: &mut Wide,
+        sink: Sink<'_>,
+    ) -> f64 {
+        let problem = self;
+        match fast.links() {
+            JOINTS => vectorised(Batch::<JOINTS> { problem, fast, point, first, count, scratch, sink }),
+            WITH_PAIR => vectorised(Batch::<WITH_PAIR> { problem, fast, point, first, count, scratch, sink }),
+            _ => vectorised(Batch::<WITH_PAIRS> { problem, fast, point, first, count, scratch, sink }),
+        }
+    }
 }
 
-/// The rows of one batch.
-struct Batch<'a, 'm> {
+/// The rows of one batch under a model of L links.
+struct Batch<'a, 'm, const L: usize> {
     problem: &'a Problem<'m>,
     fast: &'a Fast,
     point: &'a Point<'m>,
@@ -121,13 +137,13 @@ struct Batch<'a, 'm> {
     sink: Sink<'a>,
 }
 
-impl Work for Batch<'_, '_> {
+impl<const L: usize> Work for Batch<'_, '_, L> {
     /// The sum of squares, where it was asked for.
     type Output = f64;
 
     #[inline(always)]
     fn run<S: Simd>(mut self, simd: S) -> f64 {
-        let samples = Samples::<S, JOINTS>::new(simd, self.fast, &self.scratch.x);
+        let samples = Samples::<S, L>::new(simd, self.fast, &self.scratch.x);
         self.transitions(simd, &samples);
         self.scalar_rows();
         match self.problem.assumptions.gyro_rows {
@@ -145,9 +161,9 @@ impl Work for Batch<'_, '_> {
     }
 }
 
-impl Batch<'_, '_> {
+impl<const L: usize> Batch<'_, '_, L> {
     #[inline(always)]
-    fn transitions<S: Simd>(&mut self, simd: S, samples: &Samples<S, JOINTS>) {
+    fn transitions<S: Simd>(&mut self, simd: S, samples: &Samples<S, L>) {
         let Batch { problem, fast, point, first, count, scratch, sink } = self;
         let mut linked = [false; LANES];
         for (lane, linked) in linked.iter_mut().enumerate().take(*count) {
@@ -157,7 +173,7 @@ impl Batch<'_, '_> {
         let (integrator, model) = (problem.assumptions.integrator, (*fast, &point.dynamics));
         match sink {
             Sink::Stages(batch) => {
-                step.step::<S, JOINTS, true>(integrator, model, (samples, x), (u, time_s), duration_s);
+                step.step::<S, L, true>(integrator, model, (samples, x), (u, time_s), duration_s);
                 for (next, after) in step.next.iter_mut().zip(&*after) {
                     next.0 = simd.store(simd.sub(simd.load(&next.0), simd.load(&after.0)));
                 }
@@ -165,7 +181,7 @@ impl Batch<'_, '_> {
                 Stage::set_transitions(simd, batch, linked, weight, &step.slopes, &step.next);
             }
             Sink::Squares(sum) => {
-                step.step::<S, JOINTS, false>(integrator, model, (samples, x), (u, time_s), duration_s);
+                step.step::<S, L, false>(integrator, model, (samples, x), (u, time_s), duration_s);
                 let mut squares = simd.splat(0.0);
                 for ((next, after), weight) in step.next.iter().zip(&*after).zip(&problem.process_weight) {
                     let r = simd.mul(simd.sub(simd.load(&next.0), simd.load(&after.0)), simd.splat(*weight));
@@ -258,7 +274,7 @@ impl Batch<'_, '_> {
 
     /// All axes of all gyros from the state on a base at rest.
     #[inline(always)]
-    fn rigid_base_rows<S: Simd>(&mut self, simd: S, samples: &Samples<S, JOINTS>) {
+    fn rigid_base_rows<S: Simd>(&mut self, simd: S, samples: &Samples<S, L>) {
         for gyro in &self.problem.rows.gyros {
             let (value, bias) = self.reading(simd, gyro);
             let rotation = by_rows(&self.point.rotations[gyro.gyro]);
@@ -269,8 +285,7 @@ impl Batch<'_, '_> {
                     residual: rate.rate(axis) + bias[axis] - value[axis],
                     weight: gyro.weight[axis],
                     valid: finite(value[axis].to_array(), [true; LANES]),
-                    by_position: by_position(&rate, axis),
-                    by_speed: by_speed(&rate, axis),
+                    slopes: rate.slopes(axis),
                     shared: &[(self.problem.border.rotation(gyro.gyro), by_rotation[axis])],
                     bias: Some((gyro.gyro, axis)),
                     base_bias: None,
@@ -281,7 +296,7 @@ impl Batch<'_, '_> {
 
     /// Rows (22) and (25)–(26): see `chained`.
     #[inline(always)]
-    fn chained_rows<S: Simd>(&mut self, simd: S, samples: &Samples<S, JOINTS>) {
+    fn chained_rows<S: Simd>(&mut self, simd: S, samples: &Samples<S, L>) {
         let problem = self.problem;
         let Some((base, others)) = problem.rows.gyros.split_first() else { return };
         let (value, bias) = self.reading(simd, base);
@@ -303,8 +318,7 @@ impl Batch<'_, '_> {
             residual: rate.rate(0) - dot(&axis_quads, &omega),
             weight: base.weight[0],
             valid: complete,
-            by_position: by_position(&rate, 0),
-            by_speed: by_speed(&rate, 0),
+            slopes: rate.slopes(0),
             shared: &[(problem.border.rotation(base.gyro), by_base)],
             bias: None,
             base_bias: Some((base.gyro, splat(simd, &(base_rotation * axis)))),
@@ -323,8 +337,7 @@ impl Batch<'_, '_> {
                     residual: rate.rate(axis) + bias[axis] - value[axis],
                     weight: gyro.weight[axis],
                     valid: finite(value[axis].to_array(), complete),
-                    by_position: by_position(&rate, axis),
-                    by_speed: by_speed(&rate, axis),
+                    slopes: rate.slopes(axis),
                     shared: &[
                         (problem.border.rotation(gyro.gyro), by_rotation[axis]),
                         (problem.border.rotation(base.gyro), by_base),
@@ -337,7 +350,7 @@ impl Batch<'_, '_> {
     }
 
     #[inline(always)]
-    fn push<S: Simd>(&mut self, row: GyroRowQuads<'_, S>) {
+    fn push<S: Simd>(&mut self, row: GyroRowQuads<'_, S, L>) {
         let residual = (row.residual * row.weight).to_array();
         let batch = match &mut self.sink {
             Sink::Stages(batch) => batch,
@@ -350,19 +363,19 @@ impl Batch<'_, '_> {
                 return;
             }
         };
-        let (mut by_position, mut by_speed) = ([[0.0; LANES]; JOINTS], [[0.0; LANES]; JOINTS]);
-        for j in 0..JOINTS {
-            by_position[j] = (row.by_position[j] * row.weight).to_array();
-            by_speed[j] = (row.by_speed[j] * row.weight).to_array();
+        let (mut by_position, mut by_speed) = ([[0.0; LANES]; L], [[0.0; LANES]; L]);
+        for j in 0..L {
+            by_position[j] = (row.slopes.0[j] * row.weight).to_array();
+            by_speed[j] = (row.slopes.1[j] * row.weight).to_array();
         }
         for lane in 0..self.count {
             if !row.valid[lane] {
                 continue;
             }
             let mut to = batch[lane].sensor_row(residual[lane]);
-            for j in 0..JOINTS {
+            for j in 0..L {
                 to.add_state(j, by_position[j][lane]);
-                to.add_state(JOINTS + j, by_speed[j][lane]);
+                to.add_state(L + j, by_speed[j][lane]);
             }
             for (first, by) in row.shared {
                 for axis in 0..3 {
@@ -434,14 +447,4 @@ fn by_rotation<S: Simd>(rate: &Triple<S>, rotation: &[[f64; 3]; 3]) -> [Triple<S
         }
     }
     out
-}
-
-#[inline(always)]
-fn by_position<S: Simd>(rate: &GyroQuads<S, JOINTS>, axis: usize) -> [Value<S>; JOINTS] {
-    [rate.slopes(axis, 0).0, rate.slopes(axis, 1).0, rate.slopes(axis, 2).0]
-}
-
-#[inline(always)]
-fn by_speed<S: Simd>(rate: &GyroQuads<S, JOINTS>, axis: usize) -> [Value<S>; JOINTS] {
-    [rate.slopes(axis, 0).1, rate.slopes(axis, 1).1, rate.slopes(axis, 2).1]
 }

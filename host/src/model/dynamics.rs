@@ -32,8 +32,20 @@ pub struct Dynamics<'m> {
     pub(super) slopes: Vec<Vec<(usize, usize, f64)>>,
     pub(super) speed_of: Vec<Option<usize>>,
     pub(super) z: Vec<f64>,
+    pub(super) passive: Vec<Passive>,
     links: WeightedLinks<'m>,
     pub(super) laws: Vec<Vec<JointLaw<'m>>>,
+}
+
+/// The spring and the damper of a passive joint: τ = −k φ − d φ̇.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Passive {
+    /// Joint of the chain.
+    pub joint: usize,
+    pub stiffness: f64,
+    pub damping: f64,
+    /// The coordinates that are ln k and ln d.
+    pub coordinates: [usize; 2],
 }
 
 /// f and its derivatives at one point.
@@ -72,12 +84,19 @@ impl<'m> Dynamics<'m> {
                 }
             }
         }
+        let passive = model.laws.passive.iter().map(|&(joint, k, d)| Passive {
+            joint,
+            stiffness: z[k].exp(),
+            damping: z[d].exp(),
+            coordinates: [k, d],
+        });
         Dynamics {
             model,
             coefficients,
             slopes,
             speed_of: model.layout.speed_of(),
             z: z.to_vec(),
+            passive: passive.collect(),
             links: model.links.at(z),
             laws: model.laws.ready(),
         }
@@ -229,9 +248,8 @@ impl<'m> Dynamics<'m> {
             }
             self.scatter(i, &torque, &out.supply, &mut block[link * columns..(link + 1) * columns]);
         }
-        for &(i, k, d) in &self.model.laws.passive {
+        for &Passive { joint: i, stiffness, damping, coordinates: [k, d] } in &self.passive {
             let row = &mut block[i * columns..(i + 1) * columns];
-            let (stiffness, damping) = (self.z[k].exp(), self.z[d].exp());
             row[i] -= stiffness;
             row[m + i] -= damping;
             row[size + k] -= stiffness * q[i];
@@ -303,8 +321,8 @@ impl<'m> Dynamics<'m> {
         for torque in &mut right {
             *torque = -*torque;
         }
-        for &(i, k, d) in &self.model.laws.passive {
-            right[i] -= self.z[k].exp() * q[i] + self.z[d].exp() * qd[i];
+        for &Passive { joint: i, stiffness, damping, .. } in &self.passive {
+            right[i] -= stiffness * q[i] + damping * qd[i];
         }
         Torques { right, rigid_inertia: [0.0; MAX_JOINTS] }
     }

@@ -126,6 +126,11 @@ impl Laws {
         self.lags.iter().find(|lag| lag.gyro == gyro).map(|lag| lag.state)
     }
 
+    /// Whether a law changes a drive or the supply.
+    pub(super) fn at_drives(&self) -> bool {
+        self.supply.is_some() || self.joints.iter().any(|joint| !joint.laws.is_empty())
+    }
+
     /// What the laws at a joint read.
     pub(super) fn at(&self, joint: usize) -> &OfJoint {
         &self.joints[joint]

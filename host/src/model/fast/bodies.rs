@@ -9,11 +9,18 @@
 //! ```
 //! (turning joint j turns the twists and inertias of all links from j on, and takes A_j with it). A chain whose joints meet in one point,
 //! as Doggy's, needs the rotational halves only. Joints are revolute.
+//!
+//! Gravity γ is a base that accelerates by −γ and does not turn. With f_i the force in I_i S_i and z_j the joints' axes,
+//!
+//! ```text
+//! g_i = −f_i · γ          ∂g_i/∂q_j = ∂g_j/∂q_i = f_i · (z_j × γ), j ≤ i: a potential's
+//! ```
+//! on the joints that feel it.
 
 use super::elementary::sin_cos;
-use super::vector::{Vector, add, add_scaled, combine, cross, dot, scale, sub, zero};
+use super::vector::{Vector, add, add_scaled, combine, constant, cross, dot, scale, sub, zero};
 use crate::robot::chain::LinkFrame;
-use crate::robot::{Matrix3, chain::Chain};
+use crate::robot::{GravityLoad, Matrix3, Vector3, chain::Chain};
 use solve::simd::{Simd, Wide};
 
 /// The links of a chain.
@@ -22,12 +29,24 @@ pub struct Links {
     links: Vec<LinkFrame>,
     /// All axes go through one point.
     concentric: bool,
+    /// Acceleration of free fall in base axes, m/s², where a joint feels it.
+    gravity: Option<Vector3>,
 }
 
 impl Links {
     pub(super) fn of(chain: &Chain) -> Self {
         let links: Vec<_> = chain.frames().collect();
-        Links { concentric: links[1..].iter().all(|link| link.origin_m == [0.0; 3]), links }
+        let concentric = links[1..].iter().all(|link| link.origin_m == [0.0; 3]);
+        Links { links, concentric, gravity: chain.has_gravity().then(|| chain.gravity_m_s2()) }
+    }
+
+    pub(super) fn count(&self) -> usize {
+        self.links.len()
+    }
+
+    #[inline(always)]
+    fn feels_gravity(&self, joint: usize) -> bool {
+        self.links[joint].gravity == GravityLoad::Acts
     }
 
     /// The axes of link `body` → the body's own axes.
@@ -61,16 +80,16 @@ struct Body<S: Simd> {
 
 /// A chain at its positions.
 #[derive(Clone, Copy)]
-pub struct Bodies<S: Simd, const N: usize> {
+pub struct Bodies<S: Simd, const L: usize> {
     simd: S,
     concentric: bool,
     /// Axes of every link in base axes.
-    axes: [[Vector<S>; 3]; N],
-    twists: [Twist<S>; N],
+    axes: [[Vector<S>; 3]; L],
+    twists: [Twist<S>; L],
     /// Everything from a link on, frozen.
-    composite: [Body<S>; N],
+    composite: [Body<S>; L],
     /// composite · twist.
-    wrenches: [Wrench<S>; N],
+    wrenches: [Wrench<S>; L],
 }
 
 impl<S: Simd> Body<S> {
@@ -128,20 +147,20 @@ impl<S: Simd> Twist<S> {
     }
 }
 
-impl<S: Simd, const N: usize> Bodies<S, N> {
+impl<S: Simd, const L: usize> Bodies<S, L> {
     /// The chain at positions q, rad.
     #[inline(always)]
-    pub(super) fn at(simd: S, links: &Links, q: &[Wide<S>; N]) -> Self {
+    pub(super) fn at(simd: S, links: &Links, q: &[Wide<S>; L]) -> Self {
         let (zeros, one) = (zero(simd), Wide::splat(simd, 1.0));
         let nothing = Twist { angular: zeros, linear: zeros };
         let nobody = Body { mass_kg: 0.0, first_moment: zeros, inertia: [zeros[0]; 6] };
         let mut bodies = Bodies {
             simd,
             concentric: links.concentric,
-            axes: [[zeros; 3]; N],
-            twists: [nothing; N],
-            composite: [nobody; N],
-            wrenches: [Wrench { moment: zeros, force: zeros }; N],
+            axes: [[zeros; 3]; L],
+            twists: [nothing; L],
+            composite: [nobody; L],
+            wrenches: [Wrench { moment: zeros, force: zeros }; L],
         };
         let mut previous = [zeros; 3];
         for i in 0..3 {
@@ -149,7 +168,7 @@ impl<S: Simd, const N: usize> Bodies<S, N> {
         }
         // Positions are seen from the first joint's origin.
         let mut position = zeros;
-        for k in 0..N {
+        for k in 0..L {
             let link = &links.links[k];
             if k > 0 && !links.concentric {
                 position = add(position, combine(&previous, link.origin_m));
@@ -161,10 +180,10 @@ impl<S: Simd, const N: usize> Bodies<S, N> {
             previous = [add_scaled(scale(x, cos), sin, y), sub(scale(y, cos), scale(x, sin)), z];
             bodies.twists[k] = Twist { angular: z, linear: cross(position, z) };
             bodies.axes[k] = previous;
-            bodies.composite[k] = Self::body(simd, link, &previous, position, links.concentric);
+            bodies.composite[k] = Self::body(simd, links, k, &previous, position);
         }
-        for k in (0..N).rev() {
-            if k + 1 < N {
+        for k in (0..L).rev() {
+            if k + 1 < L {
                 let outer = bodies.composite[k + 1];
                 let own = &mut bodies.composite[k];
                 own.mass_kg += outer.mass_kg;
@@ -178,16 +197,17 @@ impl<S: Simd, const N: usize> Bodies<S, N> {
         bodies
     }
 
-    /// A link's own body, seen from the reference point.
+    /// The own body of link k, seen from the reference point.
     #[inline(always)]
-    fn body(simd: S, link: &LinkFrame, axes: &[Vector<S>; 3], p: Vector<S>, concentric: bool) -> Body<S> {
+    fn body(simd: S, links: &Links, k: usize, axes: &[Vector<S>; 3], p: Vector<S>) -> Body<S> {
+        let link = &links.links[k];
         let rows = [combine(axes, link.inertia[0]), combine(axes, link.inertia[1]), combine(axes, link.inertia[2])];
         let mut inertia = [Wide::splat(simd, 0.0); 6];
         for (entry, (r, c)) in inertia.iter_mut().zip([(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)]) {
             *entry = axes[0][r].mul_add(rows[0][c], axes[1][r].mul_add(rows[1][c], axes[2][r] * rows[2][c]));
         }
         let mut first_moment = zero(simd);
-        if !concentric {
+        if !links.concentric {
             // Steiner: + (2 h·p + m p·p) 1 − h pᵀ − p hᵀ − m p pᵀ
             let mass = Wide::splat(simd, link.mass_kg);
             let h = combine(axes, link.first_moment);
@@ -199,15 +219,17 @@ impl<S: Simd, const N: usize> Bodies<S, N> {
                     inertia[i] += diagonal;
                 }
             }
+        } else if links.gravity.is_some() {
+            first_moment = combine(axes, link.first_moment);
         }
         Body { mass_kg: link.mass_kg, first_moment, inertia }
     }
 
     /// M(q), its lower triangle.
     #[inline(always)]
-    pub(super) fn mass_matrix(&self) -> [[Wide<S>; N]; N] {
-        let mut m = [[Wide::splat(self.simd, 0.0); N]; N];
-        for i in 0..N {
+    pub(super) fn mass_matrix(&self) -> [[Wide<S>; L]; L] {
+        let mut m = [[Wide::splat(self.simd, 0.0); L]; L];
+        for i in 0..L {
             for j in 0..=i {
                 m[i][j] = self.twists[j].dot(self.concentric, &self.wrenches[i]);
             }
@@ -215,24 +237,24 @@ impl<S: Simd, const N: usize> Bodies<S, N> {
         m
     }
 
-    /// ∂(M(q) a)_i/∂q_j at fixed a.
+    /// ∂(M(q) a + g(q))_i/∂q_j at fixed a.
     #[inline(always)]
-    pub(super) fn torque_by_position(&self, a: &[Wide<S>; N]) -> [[Wide<S>; N]; N] {
+    pub(super) fn torque_by_position(&self, links: &Links, a: &[Wide<S>; L]) -> [[Wide<S>; L]; L] {
         let zeros = zero(self.simd);
-        let mut out = [[zeros[0]; N]; N];
+        let mut out = [[zeros[0]; L]; L];
         let mut motion = Twist { angular: zeros, linear: zeros };
-        for j in 0..N {
+        for j in 0..L {
             let twist = &self.twists[j];
             motion = motion.add_scaled(a[j], twist);
             let carried = twist.cross(self.concentric, &motion);
-            for i in j..N {
+            for i in j..L {
                 out[i][j] = -carried.dot(self.concentric, &self.wrenches[i]);
             }
             if j == 0 {
                 continue;
             }
             let mut force = self.composite[j].times(self.concentric, &motion);
-            for l in j + 1..N {
+            for l in j + 1..L {
                 force.moment = add_scaled(force.moment, a[l], self.wrenches[l].moment);
                 force.force = add_scaled(force.force, a[l], self.wrenches[l].force);
             }
@@ -243,7 +265,42 @@ impl<S: Simd, const N: usize> Bodies<S, N> {
                 out[i][j] = self.twists[i].dot(self.concentric, &change);
             }
         }
+        let Some(gravity) = links.gravity else { return out };
+        let gravity = constant(self.simd, gravity);
+        for j in 0..L {
+            let turned = cross(self.turning(j), gravity);
+            for i in j..L {
+                let slope = dot(self.force(i), turned);
+                if links.feels_gravity(i) {
+                    out[i][j] += slope;
+                }
+                if i > j && links.feels_gravity(j) {
+                    out[j][i] += slope;
+                }
+            }
+        }
         out
+    }
+
+    /// Adds g(q).
+    #[inline(always)]
+    pub(super) fn add_gravity(&self, links: &Links, torque: &mut [Wide<S>; L]) {
+        let Some(gravity) = links.gravity else { return };
+        let gravity = constant(self.simd, gravity);
+        for i in 0..L {
+            if links.feels_gravity(i) {
+                torque[i] -= dot(self.force(i), gravity);
+            }
+        }
+    }
+
+    /// The force in I_i S_i.
+    #[inline(always)]
+    fn force(&self, i: usize) -> Vector<S> {
+        match self.concentric {
+            true => cross(self.turning(i), self.composite[i].first_moment),
+            false => self.wrenches[i].force,
+        }
     }
 
     /// The axes of link `body` in base axes.

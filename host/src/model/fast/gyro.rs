@@ -23,21 +23,21 @@ pub enum RateSource<S: Simd> {
 
 /// The rate of one body, with what its derivatives need.
 #[derive(Clone, Copy)]
-pub struct GyroQuads<S: Simd, const N: usize> {
+pub struct GyroQuads<S: Simd, const L: usize> {
     /// Sensor axes in base axes.
     sensor: [Vector<S>; 3],
     /// ω of the body, in base axes.
     rate: Vector<S>,
     /// Z_j and ω_j × Z_j, zero where joint j does not count.
-    by_speed: [Vector<S>; N],
-    by_position: [Vector<S>; N],
+    by_speed: [Vector<S>; L],
+    by_position: [Vector<S>; L],
 }
 
-impl<S: Simd, const N: usize> GyroQuads<S, N> {
+impl<S: Simd, const L: usize> GyroQuads<S, L> {
     /// The body `body`, seen along the rows of `to_sensor`, which takes vectors from its own axes.
     #[inline(always)]
     pub fn of(
-        samples: &Samples<S, N>,
+        samples: &Samples<S, L>,
         fast: &super::Fast,
         body: usize,
         to_sensor: &Matrix3,
@@ -54,9 +54,9 @@ impl<S: Simd, const N: usize> GyroQuads<S, N> {
             }
             first = from + 1;
         }
-        let mut by_speed = [nothing; N];
-        let mut by_position = [nothing; N];
-        for j in first..=body.min(N - 1) {
+        let mut by_speed = [nothing; L];
+        let mut by_position = [nothing; L];
+        for j in first..=body.min(L - 1) {
             let axis = bodies.turning(j);
             rate = add_scaled(rate, samples.qd[j], axis);
             by_speed[j] = axis;
@@ -82,10 +82,16 @@ impl<S: Simd, const N: usize> GyroQuads<S, N> {
         dot(self.sensor[axis], self.rate)
     }
 
-    /// ∂rate/∂q_j and ∂rate/∂q̇_j along sensor axis `axis`.
+    /// ∂rate/∂q and ∂rate/∂q̇ along sensor axis `axis`.
     #[inline(always)]
-    pub fn slopes(&self, axis: usize, j: usize) -> (Wide<S>, Wide<S>) {
-        (dot(self.sensor[axis], self.by_position[j]), dot(self.sensor[axis], self.by_speed[j]))
+    pub fn slopes(&self, axis: usize) -> ([Wide<S>; L], [Wide<S>; L]) {
+        let zeros = [Wide::splat(self.rate[0].simd, 0.0); L];
+        let (mut by_position, mut by_speed) = (zeros, zeros);
+        for j in 0..L {
+            by_position[j] = dot(self.sensor[axis], self.by_position[j]);
+            by_speed[j] = dot(self.sensor[axis], self.by_speed[j]);
+        }
+        (by_position, by_speed)
     }
 
     /// The rate in the sensor's axes.
@@ -96,7 +102,7 @@ impl<S: Simd, const N: usize> GyroQuads<S, N> {
 
     /// Sensor axis `axis` in the own axes of body `other`.
     #[inline(always)]
-    pub fn axis_in(&self, samples: &Samples<S, N>, fast: &super::Fast, axis: usize, other: usize) -> [Wide<S>; 3] {
+    pub fn axis_in(&self, samples: &Samples<S, L>, fast: &super::Fast, axis: usize, other: usize) -> [Wide<S>; 3] {
         let axes = samples.bodies.axes(other);
         let s = self.sensor[axis];
         let link = [dot(axes[0], s), dot(axes[1], s), dot(axes[2], s)];

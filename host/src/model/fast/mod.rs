@@ -4,8 +4,13 @@
 //! differences that make them fast. The derivative of the link torque is taken in closed form (`bodies`), and four neighbouring samples
 //! fill the lanes of a vector, so that nothing is lost to short loops.
 //!
-//! What it covers: chains of [`JOINTS`] revolute elastic joints without Coriolis terms and without gravity on a joint, no constant torque and no
-//! unknown inertia; of effects' laws those that change a drive and have no state of their own. Everything else takes the generic walk.
+//! What it covers: [`JOINTS`] revolute elastic joints, with a pair of passive ones before or behind them or both, no Coriolis terms, no constant
+//! torque and no unknown inertia; of effects' laws those that change a drive and have no state of their own. Everything else takes the generic walk.
+//! Kernels are compiled by the number L of links; joint i of the robot moves link `first` + i. A state is
+//!
+//! ```text
+//! | q: L links | q̇: L | θ: JOINTS motors | θ̇: JOINTS |
+//! ```
 //!
 //! ```text
 //! samples k … k+3 ─▶ State (one quad a component) ─▶ bodies, drives ─▶ f, ∂f ─▶ Euler or Runge–Kutta ─▶ StepQuads
@@ -29,13 +34,19 @@ use crate::robot::{JointKind, Transmission};
 use bodies::{Bodies, Links};
 use solve::simd::{Quad, Simd, Wide};
 
-/// Chains of this many joints are compiled.
+/// Robots of this many joints are covered, …
 pub const JOINTS: usize = 3;
+/// … and chains of as many links, with a bearing or a structure that gives way, …
+pub const WITH_PAIR: usize = JOINTS + 2;
+/// … or with both.
+pub const WITH_PAIRS: usize = JOINTS + 4;
 
 /// The constants of a model that the fast kernel covers.
 #[derive(Debug, Clone)]
 pub struct Fast {
     links: Links,
+    /// Passive joints before the robot's first.
+    first: usize,
     /// Drives have laws of effects.
     has_laws: bool,
     /// A law of the supply couples all motors.
@@ -48,36 +59,53 @@ impl Fast {
         let chain = model.chain();
         let elastic = model.transmissions.iter().all(|&t| t == Transmission::Elastic);
         let revolute = chain.frames().all(|link| link.kind == JointKind::Revolute);
-        let quiet = !chain.has_coriolis() && !chain.has_gravity();
-        let own = model.layout().own().is_empty() && model.input_delay().is_none();
-        let covered = elastic && revolute && quiet && own && chain.joints() == JOINTS && model.is_plain();
-        let (has_laws, is_coupled) = (!model.laws().is_empty(), model.laws.supply.is_some());
-        covered.then(|| Fast { links: Links::of(chain), has_laws, is_coupled })
+        let layout = model.layout();
+        let sized = layout.joints() == JOINTS && matches!(chain.joints(), JOINTS | WITH_PAIR | WITH_PAIRS);
+        let own = layout.own().is_empty() && model.input_delay().is_none();
+        let covered = elastic && revolute && sized && own && !chain.has_coriolis() && model.is_plain();
+        let (has_laws, is_coupled) = (model.laws.at_drives(), model.laws.supply.is_some());
+        covered.then(|| Fast { links: Links::of(chain), first: layout.q(0), has_laws, is_coupled })
+    }
+
+    /// Number of links: [`JOINTS`], [`WITH_PAIR`] or [`WITH_PAIRS`].
+    pub fn links(&self) -> usize {
+        self.links.count()
+    }
+
+    /// The link that the robot's first joint moves, known to the compiler where no joint is passive.
+    #[inline(always)]
+    fn first<const L: usize>(&self) -> usize {
+        if L == JOINTS { 0 } else { self.first }
     }
 }
 
 /// Four states, one quad a component in the order of [`Layout`](super::Layout), with the chain at their positions.
 #[derive(Clone, Copy)]
-pub struct Samples<S: Simd, const N: usize> {
+pub struct Samples<S: Simd, const L: usize> {
     simd: S,
-    q: [Wide<S>; N],
-    qd: [Wide<S>; N],
-    theta: [Wide<S>; N],
-    thetad: [Wide<S>; N],
-    bodies: Bodies<S, N>,
+    q: [Wide<S>; L],
+    qd: [Wide<S>; L],
+    theta: [Wide<S>; JOINTS],
+    thetad: [Wide<S>; JOINTS],
+    bodies: Bodies<S, L>,
 }
 
-impl<S: Simd, const N: usize> Samples<S, N> {
-    /// From the components of the state, 4N quads.
+/// Quads from memory, beginning with the first.
+#[inline(always)]
+fn load_all<S: Simd, const N: usize>(simd: S, quads: &[Quad]) -> [Wide<S>; N] {
+    let mut out = [Wide::splat(simd, 0.0); N];
+    for (out, quad) in out.iter_mut().zip(&quads[..N]) {
+        *out = Wide::load(simd, &quad.0);
+    }
+    out
+}
+
+impl<S: Simd, const L: usize> Samples<S, L> {
+    /// From the components of the state.
     #[inline(always)]
     pub fn new(simd: S, fast: &Fast, x: &[Quad]) -> Self {
-        let mut parts = [[Wide::splat(simd, 0.0); N]; 4];
-        for (part, x) in parts.iter_mut().zip(x.chunks_exact(N)) {
-            for i in 0..N {
-                part[i] = Wide::load(simd, &x[i].0);
-            }
-        }
-        let [q, qd, theta, thetad] = parts;
+        let (q, qd) = (load_all(simd, x), load_all(simd, &x[L..]));
+        let (theta, thetad) = (load_all(simd, &x[2 * L..]), load_all(simd, &x[2 * L + JOINTS..]));
         Samples { simd, q, qd, theta, thetad, bodies: Bodies::at(simd, &fast.links, &q) }
     }
 }

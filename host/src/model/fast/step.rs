@@ -2,7 +2,7 @@
 
 use super::drive::Accelerations;
 use super::laws::Drives;
-use super::{Dynamics, Fast, Samples};
+use super::{Dynamics, Fast, JOINTS, Samples};
 use crate::model::Integrator;
 use solve::simd::{Quad, Simd, Wide};
 
@@ -30,16 +30,17 @@ fn load<S: Simd>(simd: S, quad: &Quad) -> Wide<S> {
 impl StepQuads {
     /// The states `duration_s` after `samples` (which are at `x`) with the inputs `u` held, from these times on; with derivatives where `WITH_SLOPES`.
     #[inline(always)]
-    pub fn step<S: Simd, const N: usize, const WITH_SLOPES: bool>(
+    pub fn step<S: Simd, const L: usize, const WITH_SLOPES: bool>(
         &mut self,
         integrator: Integrator,
         (fast, dynamics): (&Fast, &Dynamics<'_>),
-        (samples, x): (&Samples<S, N>, &[Quad]),
+        (samples, x): (&Samples<S, L>, &[Quad]),
         (u, time_s): (&[Quad], &Quad),
         duration_s: &Quad,
     ) {
         let simd = samples.simd;
-        let (size, columns) = (4 * N, dynamics.columns());
+        let model = (fast, dynamics);
+        let (size, columns) = (2 * (L + JOINTS), dynamics.columns());
         self.next.clear();
         self.next.extend_from_slice(x);
         let inner = integrator.stages();
@@ -67,15 +68,17 @@ impl StepQuads {
             let a = if fast.has_laws {
                 let x = if stage == 0 { x } else { &self.x };
                 self.drives.act(dynamics, x, (u, time_s), WITH_SLOPES);
-                Accelerations::by(samples, &self.drives.torque, &self.drives.thetadd)
+                Accelerations::by(model, samples, &self.drives.torque, &self.drives.thetadd)
             } else {
-                Accelerations::of(dynamics, samples, u)
+                Accelerations::of(model, samples, u)
             };
-            for i in 0..N {
+            for i in 0..L {
                 self.k[i] = Quad(samples.qd[i].to_array());
-                self.k[N + i] = Quad(a.qdd[i].to_array());
-                self.k[2 * N + i] = Quad(samples.thetad[i].to_array());
-                self.k[3 * N + i] = Quad(a.thetadd[i].to_array());
+                self.k[L + i] = Quad(a.qdd[i].to_array());
+            }
+            for i in 0..JOINTS {
+                self.k[2 * L + i] = Quad(samples.thetad[i].to_array());
+                self.k[2 * L + JOINTS + i] = Quad(a.thetadd[i].to_array());
             }
             for (next, k) in self.next.iter_mut().zip(&self.k) {
                 next.0 = scale.mul_add(Wide::load(simd, &k.0), Wide::load(simd, &next.0)).to_array();
@@ -83,8 +86,8 @@ impl StepQuads {
             if WITH_SLOPES {
                 let f = &mut self.f[stage * all..(stage + 1) * all];
                 match fast.has_laws {
-                    true => a.slopes_by(samples, &self.drives.rows, columns, f),
-                    false => a.slopes(dynamics, samples, u, columns, f),
+                    true => a.slopes_by(model, samples, &self.drives.rows, columns, f),
+                    false => a.slopes(model, samples, u, columns, f),
                 }
             }
         }
@@ -92,34 +95,33 @@ impl StepQuads {
             return;
         }
         if inner.len() == 1 {
-            return self.single_slopes::<S, N>(simd, columns, h * inner[0].1);
+            return self.single_slopes::<S, L>(simd, columns, h * inner[0].1);
         }
         self.unit.resize(3 * size, Quad::default());
         self.unit[size] = Quad([1.0; 4]);
         for c in 0..size {
-            self.column::<S, N, true>(simd, (columns, c), inner, h, fast.is_coupled);
+            self.column::<S, L, true>(simd, (columns, c), inner, h, fast);
         }
         for c in size..columns {
-            self.column::<S, N, false>(simd, (columns, c), inner, h, fast.is_coupled);
+            self.column::<S, L, false>(simd, (columns, c), inner, h, fast);
         }
     }
 
     /// 1 + h ∂f of a method with one stage.
     #[inline(always)]
-    fn single_slopes<S: Simd, const N: usize>(&mut self, simd: S, columns: usize, scale: Wide<S>) {
+    fn single_slopes<S: Simd, const L: usize>(&mut self, simd: S, columns: usize, scale: Wide<S>) {
         self.slopes.fill(Quad::default());
-        for i in 0..4 * N {
+        for i in 0..2 * (L + JOINTS) {
             self.slopes[i * columns + i] = Quad([1.0; 4]);
         }
-        for i in 0..N {
-            for (row, speed) in [(i, N + i), (2 * N + i, 3 * N + i)] {
-                // The derivative of a position is its speed.
-                let to = &mut self.slopes[row * columns + speed].0;
-                *to = (Wide::load(simd, to) + scale).to_array();
-                let from = &self.f[speed * columns..(speed + 1) * columns];
-                for (to, from) in self.slopes[speed * columns..(speed + 1) * columns].iter_mut().zip(from) {
-                    to.0 = scale.mul_add(Wide::load(simd, &from.0), Wide::load(simd, &to.0)).to_array();
-                }
+        for i in 0..L + JOINTS {
+            let (row, speed) = if i < L { (i, L + i) } else { (L + i, L + JOINTS + i) };
+            // The derivative of a position is its speed.
+            let to = &mut self.slopes[row * columns + speed].0;
+            *to = (Wide::load(simd, to) + scale).to_array();
+            let from = &self.f[speed * columns..(speed + 1) * columns];
+            for (to, from) in self.slopes[speed * columns..(speed + 1) * columns].iter_mut().zip(from) {
+                to.0 = scale.mul_add(Wide::load(simd, &from.0), Wide::load(simd, &to.0)).to_array();
             }
         }
     }
@@ -128,72 +130,133 @@ impl StepQuads {
     /// takes its share. What belongs to a column stays in registers through all stages; a stage's matrices would not even stay in the
     /// nearest cache.
     #[inline(always)]
-    fn column<S: Simd, const N: usize, const BY_STATE: bool>(
+    fn column<S: Simd, const L: usize, const BY_STATE: bool>(
         &mut self,
         simd: S,
         (columns, c): (usize, usize),
         inner: &[(f64, f64)],
         h: Wide<S>,
-        is_coupled: bool,
+        fast: &Fast,
     ) {
-        let (size, zero) = (4 * N, Wide::splat(simd, 0.0));
+        let (size, first) = (2 * (L + JOINTS), fast.first::<L>());
+        let (theta, thetad) = (2 * L, 2 * L + JOINTS);
         let unit = if BY_STATE { &self.unit[size - c..2 * size - c] } else { &self.unit[2 * size..] };
-        // Derivatives of the accelerations (of links, of motors) and of the speeds before them.
-        let (mut fast, mut slow) = ([[zero; N]; 2], [[zero; N]; 2]);
-        let (mut speeds, mut positions) = (fast, slow);
-        for i in 0..N {
-            for (half, speed) in [N + i, 3 * N + i].into_iter().enumerate() {
-                fast[half][i] = load(simd, &self.f[speed * columns + c]);
-                slow[half][i] = load(simd, &unit[speed]);
-                let scale = h * inner[0].1;
-                speeds[half][i] = scale.mul_add(fast[half][i], slow[half][i]);
-                positions[half][i] = scale.mul_add(slow[half][i], load(simd, &unit[speed - N]));
-            }
-        }
+        // Derivatives of the accelerations and of the speeds before them, at the last stage and of the step.
+        let scale = h * inner[0].1;
+        let (mut links, mut motors) = (
+            Half::<S, L>::begin(simd, &self.f[L * columns + c..], columns, (unit, &unit[L..]), scale),
+            Half::<S, JOINTS>::begin(
+                simd,
+                &self.f[thetad * columns + c..],
+                columns,
+                (&unit[theta..], &unit[thetad..]),
+                scale,
+            ),
+        );
         for (f, &(along, weight)) in self.f.chunks_exact(size * columns).zip(inner).skip(1) {
             let (step, scale) = (h * along, h * weight);
-            // By q, q̇, θ, θ̇.
-            let mut dx = [[zero; N]; 4];
-            for i in 0..N {
-                for half in 0..2 {
-                    dx[2 * half][i] = step.mul_add(slow[half][i], load(simd, &unit[2 * half * N + i]));
-                    dx[2 * half + 1][i] = step.mul_add(fast[half][i], load(simd, &unit[(2 * half + 1) * N + i]));
-                }
-            }
-            for i in 0..N {
-                let (link, motor) = (&f[(N + i) * columns..][..columns], &f[(3 * N + i) * columns..][..columns]);
-                let (mut of_link, mut of_motor) = (zero, zero);
+            let (q, qd) = links.moved(simd, (unit, &unit[L..]), step);
+            let (theta_moved, thetad_moved) = motors.moved(simd, (&unit[theta..], &unit[thetad..]), step);
+            for i in 0..L {
+                let row = &f[(L + i) * columns..][..columns];
+                let mut sum = Wide::splat(simd, 0.0);
                 if !BY_STATE {
-                    (of_link, of_motor) = (load(simd, &link[c]), load(simd, &motor[c]));
+                    sum = load(simd, &row[c]);
                 }
-                for part in 0..4 {
-                    for j in 0..N {
-                        of_link = load(simd, &link[part * N + j]).mul_add(dx[part][j], of_link);
-                    }
-                    // A motor sees its own joint only, …
-                    of_motor = load(simd, &motor[part * N + i]).mul_add(dx[part][i], of_motor);
+                sum = add_products(simd, row, &q, sum);
+                sum = add_products(simd, &row[L..], &qd, sum);
+                sum = add_products(simd, &row[theta..], &theta_moved, sum);
+                links.fast[i] = add_products(simd, &row[thetad..], &thetad_moved, sum);
+            }
+            for i in 0..JOINTS {
+                let row = &f[(thetad + i) * columns..][..columns];
+                let mut sum = Wide::splat(simd, 0.0);
+                if !BY_STATE {
+                    sum = load(simd, &row[c]);
                 }
-                if is_coupled {
+                // A motor sees its own joint only, …
+                let link = first + i;
+                sum = load(simd, &row[link]).mul_add(q[link], sum);
+                sum = load(simd, &row[L + link]).mul_add(qd[link], sum);
+                sum = load(simd, &row[theta + i]).mul_add(theta_moved[i], sum);
+                sum = load(simd, &row[thetad + i]).mul_add(thetad_moved[i], sum);
+                if fast.is_coupled {
                     // … and through the supply the speeds of all motors.
-                    for j in (0..N).filter(|&j| j != i) {
-                        of_motor = load(simd, &motor[3 * N + j]).mul_add(dx[3][j], of_motor);
+                    for j in (0..JOINTS).filter(|&j| j != i) {
+                        sum = load(simd, &row[thetad + j]).mul_add(thetad_moved[j], sum);
                     }
                 }
-                (fast[0][i], fast[1][i]) = (of_link, of_motor);
+                motors.fast[i] = sum;
             }
-            slow = [dx[1], dx[3]];
-            for half in 0..2 {
-                for i in 0..N {
-                    speeds[half][i] = scale.mul_add(fast[half][i], speeds[half][i]);
-                    positions[half][i] = scale.mul_add(slow[half][i], positions[half][i]);
-                }
-            }
+            links.take(qd, scale);
+            motors.take(thetad_moved, scale);
         }
-        for half in 0..2 {
-            for i in 0..N {
-                self.slopes[(2 * half * N + i) * columns + c] = Quad(positions[half][i].to_array());
-                self.slopes[((2 * half + 1) * N + i) * columns + c] = Quad(speeds[half][i].to_array());
-            }
+        links.put(&mut self.slopes[c..], columns);
+        motors.put(&mut self.slopes[theta * columns + c..], columns);
+    }
+}
+
+/// A column of the links or of the motors.
+struct Half<S: Simd, const N: usize> {
+    /// Derivatives of the accelerations at the last stage, and of the speeds there.
+    fast: [Wide<S>; N],
+    slow: [Wide<S>; N],
+    /// Derivatives of the speeds and positions after the step, as far as its stages are taken.
+    speeds: [Wide<S>; N],
+    positions: [Wide<S>; N],
+}
+
+impl<S: Simd, const N: usize> Half<S, N> {
+    /// At the first stage: `f` begins with the column's accelerations, `unit` are the derivatives of positions and speeds there.
+    #[inline(always)]
+    fn begin(simd: S, f: &[Quad], columns: usize, unit: (&[Quad], &[Quad]), scale: Wide<S>) -> Self {
+        let zeros = [Wide::splat(simd, 0.0); N];
+        let mut half = Half { fast: zeros, slow: zeros, speeds: zeros, positions: zeros };
+        for i in 0..N {
+            half.fast[i] = load(simd, &f[i * columns]);
+            half.slow[i] = load(simd, &unit.1[i]);
+            half.speeds[i] = scale.mul_add(half.fast[i], half.slow[i]);
+            half.positions[i] = scale.mul_add(half.slow[i], load(simd, &unit.0[i]));
+        }
+        half
+    }
+
+    /// Derivatives of positions and speeds `step` after the beginning.
+    #[inline(always)]
+    fn moved(&self, simd: S, unit: (&[Quad], &[Quad]), step: Wide<S>) -> ([Wide<S>; N], [Wide<S>; N]) {
+        let (mut positions, mut speeds) = (self.slow, self.fast);
+        for i in 0..N {
+            positions[i] = step.mul_add(self.slow[i], load(simd, &unit.0[i]));
+            speeds[i] = step.mul_add(self.fast[i], load(simd, &unit.1[i]));
+        }
+        (positions, speeds)
+    }
+
+    /// Takes a stage with these derivatives of the speeds.
+    #[inline(always)]
+    fn take(&mut self, speeds: [Wide<S>; N], scale: Wide<S>) {
+        self.slow = speeds;
+        for i in 0..N {
+            self.speeds[i] = scale.mul_add(self.fast[i], self.speeds[i]);
+            self.positions[i] = scale.mul_add(self.slow[i], self.positions[i]);
         }
     }
+
+    /// The column into the rows of positions, then of speeds.
+    #[inline(always)]
+    fn put(&self, to: &mut [Quad], columns: usize) {
+        for i in 0..N {
+            to[i * columns] = Quad(self.positions[i].to_array());
+            to[(N + i) * columns] = Quad(self.speeds[i].to_array());
+        }
+    }
+}
+
+/// sum + Σ row[j] x[j].
+#[inline(always)]
+fn add_products<S: Simd, const N: usize>(simd: S, row: &[Quad], x: &[Wide<S>; N], mut sum: Wide<S>) -> Wide<S> {
+    for j in 0..N {
+        sum = load(simd, &row[j]).mul_add(x[j], sum);
+    }
+    sum
 }

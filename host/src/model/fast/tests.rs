@@ -2,13 +2,14 @@
 
 use rand::{RngExt, SeedableRng, rngs::StdRng};
 
-use super::{Fast, GyroQuads, JOINTS, RateSource, Samples, StepQuads};
+use super::{Fast, GyroQuads, JOINTS, RateSource, Samples, StepQuads, WITH_PAIR, WITH_PAIRS};
+use crate::effect::Effect;
 use crate::model::{Dynamics, Integrator, Model, SensorFrame, StepSlopes, Stepper};
 use crate::robot::Robot;
 use solve::simd::{LANES, Plain, Quad, Simd, Work, vectorised};
 
-/// Doggy; the same with joints that do not meet and friction on the link side.
-fn robots() -> Vec<Robot> {
+/// Doggy; the same with joints that do not meet and friction on the link side; both without counter-springs.
+fn robots() -> [Robot; 4] {
     let doggy = include_str!("../../robot/builtin/doggy.toml");
     let apart = doggy
         .replace(
@@ -21,7 +22,28 @@ fn robots() -> Vec<Robot> {
         )
         .replace("speed = \"motor\"", "speed = \"link\"");
     assert!(apart.matches("origin_m").count() == 3, "the description has changed");
-    [doggy, &apart].map(|text| Robot::parse(text).unwrap()).into()
+    let loaded = [doggy, &apart].map(|text| text.replace("gravity = \"compensated\"", "gravity = \"acts\""));
+    [doggy, &apart, &loaded[0], &loaded[1]].map(|text| Robot::parse(text).unwrap())
+}
+
+/// Robots alone, and on passive joints: before them, behind them, both, and beside laws of the drives and of the supply.
+fn models() -> Vec<(String, Model)> {
+    let effects = [
+        vec![],
+        vec!["base_bearing"],
+        vec!["structure_mode"],
+        vec!["base_bearing", "structure_mode"],
+        vec!["base_bearing", "stribeck"],
+        vec!["voltage_sag", "structure_mode"],
+    ];
+    let mut models = Vec::new();
+    for (i, robot) in robots().iter().enumerate() {
+        for ids in &effects {
+            let laws = ids.iter().map(|id| Effect::by_id(id).unwrap().laws(robot).unwrap().swap_remove(0)).collect();
+            models.push((format!("robot {i} with {ids:?}"), Model::extended(robot, laws).unwrap()));
+        }
+    }
+    models
 }
 
 /// No law here asks for the time.
@@ -45,11 +67,11 @@ struct Found {
 
 impl Run<'_> {
     #[inline(always)]
-    fn joints<S: Simd, const N: usize>(self, simd: S) -> Found {
-        let samples = Samples::<S, N>::new(simd, self.fast, self.x);
+    fn links<S: Simd, const L: usize>(self, simd: S) -> Found {
+        let samples = Samples::<S, L>::new(simd, self.fast, self.x);
         let mut step = StepQuads::default();
         let model = (self.fast, self.dynamics);
-        step.step::<S, N, true>(
+        step.step::<S, L, true>(
             self.integrator,
             model,
             (&samples, self.x),
@@ -57,12 +79,12 @@ impl Run<'_> {
             &Quad([1e-3, 1e-3, 2e-3, 5e-4]),
         );
         let (mut rates, mut slopes) = (Vec::new(), Vec::new());
-        for body in 0..N {
+        for body in 0..L {
             let gyro = GyroQuads::of(&samples, self.fast, body, &self.to_sensor, RateSource::Base);
             for axis in 0..3 {
                 rates.push(Quad(gyro.rate(axis).to_array()));
-                for j in 0..N {
-                    let (by_q, by_qd) = gyro.slopes(axis, j);
+                let (by_q, by_qd) = gyro.slopes(axis);
+                for (by_q, by_qd) in by_q.into_iter().zip(by_qd) {
                     slopes.push((Quad(by_q.to_array()), Quad(by_qd.to_array())));
                 }
             }
@@ -75,7 +97,11 @@ impl Work for Run<'_> {
     type Output = Found;
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) -> Found {
-        self.joints::<S, JOINTS>(simd)
+        match self.fast.links() {
+            JOINTS => self.links::<S, JOINTS>(simd),
+            WITH_PAIR => self.links::<S, WITH_PAIR>(simd),
+            _ => self.links::<S, WITH_PAIRS>(simd),
+        }
     }
 }
 
@@ -89,12 +115,11 @@ fn what_the_kernel_does_not_cover_is_left_to_the_generic_walk() {
 #[test]
 fn the_fast_kernel_equals_the_equations_on_dual_numbers() {
     let mut rng = StdRng::seed_from_u64(7);
-    for robot in robots() {
-        let model = Model::new(&robot);
-        let Some(fast) = Fast::of(&model) else { panic!("{} is not covered", robot.name) };
+    for (name, model) in models() {
+        let Some(fast) = Fast::of(&model) else { panic!("{name} is not covered") };
         let z = model.coordinates().start();
         let dynamics = model.at(&z);
-        let (n, size, columns) = (JOINTS, dynamics.size(), dynamics.columns());
+        let (n, size, columns) = (fast.links(), dynamics.size(), dynamics.columns());
         let mut quads = |count: usize, range: f64| -> Vec<Quad> {
             (0..count).map(|_| Quad(std::array::from_fn(|_| rng.random_range(-range..range)))).collect()
         };
@@ -103,7 +128,7 @@ fn the_fast_kernel_equals_the_equations_on_dual_numbers() {
         for (i, x) in x.iter_mut().enumerate().filter(|(i, _)| i % 2 == 1) {
             x.0[i % LANES] *= 1e-3;
         }
-        let u = quads(n, 0.9);
+        let u = quads(JOINTS, 0.9);
         let to_sensor = [[0.6, 0.8, 0.0], [-0.8, 0.6, 0.0], [0.0, 0.0, 1.0]];
         for integrator in [Integrator::Euler, Integrator::RungeKutta4] {
             let run = || Run { fast: &fast, dynamics: &dynamics, integrator, x: &x, u: &u, to_sensor };
@@ -116,7 +141,7 @@ fn the_fast_kernel_equals_the_equations_on_dual_numbers() {
                     let close = |found: f64, expected: f64, scale: f64, what: &str| {
                         // rtol 1e-11 of the row's largest entry: sums of terms that cancel
                         let off = (found - expected).abs();
-                        assert!(off <= 1e-11 * scale.max(1e-3), "{} {what}: {found} against {expected}", robot.name);
+                        assert!(off <= 1e-11 * scale.max(1e-3), "{name} {what}: {found} against {expected}");
                     };
                     for i in 0..size {
                         close(at(&found.step.next)[i], expected.next[i], 1.0, "step");

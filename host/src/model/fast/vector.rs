@@ -1,6 +1,6 @@
 //! Vectors of three dimensions whose components are four samples wide.
 
-use crate::robot::Matrix3;
+use crate::robot::{Matrix3, Vector3};
 use solve::simd::{Simd, Wide};
 
 pub(super) type Vector<S> = [Wide<S>; 3];
@@ -8,6 +8,11 @@ pub(super) type Vector<S> = [Wide<S>; 3];
 #[inline(always)]
 pub(super) fn zero<S: Simd>(simd: S) -> Vector<S> {
     [Wide::splat(simd, 0.0); 3]
+}
+
+#[inline(always)]
+pub(super) fn constant<S: Simd>(simd: S, v: Vector3) -> Vector<S> {
+    [Wide::splat(simd, v[0]), Wide::splat(simd, v[1]), Wide::splat(simd, v[2])]
 }
 
 #[inline(always)]
