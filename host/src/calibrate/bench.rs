@@ -13,6 +13,7 @@ use super::noise::Noise;
 use super::point::Point;
 use super::preset::Preset;
 use super::problem::Problem;
+use super::result::Calibration;
 use super::series::Series;
 use super::{CalibrateError, Fit, identify, observability};
 use crate::model::law::Law;
@@ -60,13 +61,26 @@ impl Trial {
     /// Whether every law's parameters are such as a robot can have: within their ranges, but for three standard errors and a twentieth of the
     /// largest of their kind, which what the law leaves of a joint may make.
     pub fn is_possible(&self) -> bool {
+        self.are_possible(self.values.iter().map(|value| (value.name.as_str(), value.estimate, value.std_error)))
+    }
+
+    /// The same of what a calibration gives this trial's laws.
+    pub fn is_possible_in(&self, calibration: &Calibration) -> bool {
+        let results = calibration.parameters.iter();
+        self.are_possible(results.map(|result| (result.name.as_str(), result.estimate, result.std_error)))
+    }
+
+    /// Whether these values (name, estimate, standard error) suit the laws.
+    fn are_possible<'v>(&self, values: impl Iterator<Item = (&'v str, f64, Option<f64>)> + Clone) -> bool {
         let kind = |name: &str| name.split_once('[').map_or(name, |(kind, _)| kind).to_string();
         self.laws.iter().flat_map(|law| &law.parameters().results).all(|result| {
-            let Some(value) = self.value(&result.name) else { return true };
-            let alike = self.values.iter().filter(|other| kind(&other.name) == kind(&result.name));
-            let largest = alike.map(|other| other.estimate.abs()).fold(0.0, f64::max);
-            let slack = (3.0 * value.std_error.unwrap_or(0.0)).max(LITTLE * largest);
-            value.estimate.is_finite() && (result.range[0] - slack..=result.range[1] + slack).contains(&value.estimate)
+            let Some((_, estimate, std_error)) = values.clone().find(|(name, ..)| *name == result.name) else {
+                return true;
+            };
+            let alike = values.clone().filter(|(name, ..)| kind(name) == kind(&result.name));
+            let largest = alike.map(|(_, estimate, _)| estimate.abs()).fold(0.0, f64::max);
+            let slack = (3.0 * std_error.unwrap_or(0.0)).max(LITTLE * largest);
+            estimate.is_finite() && (result.range[0] - slack..=result.range[1] + slack).contains(&estimate)
         })
     }
 

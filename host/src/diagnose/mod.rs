@@ -108,17 +108,24 @@ pub fn diagnose(
     let few = FEW_SAMPLES * STATES * STATES / (states * states);
     let ((few, few_base), (bench, trial)) = (bench(few.min(ENOUGH_SAMPLES))?, bench(ENOUGH_SAMPLES)?);
     let (candidates, unsuited) = candidate::catalogue(robot, &options.without);
-    let found = search::search((&few, &few_base), (&bench, &trial), &candidates, step)?;
+    let mut found = search::search((&few, &few_base), (&bench, &trial), &candidates, step)?;
 
     step("calibrating the extended model");
-    let ids: Vec<&str> = found.accepted.iter().map(|accepted| accepted.named.effect.id).collect();
-    let extended = if ids.is_empty() {
-        base.clone()
-    } else {
-        extend_as(robot, &[fitted], &base, (&ids, &found.trial, &bench), &options.settings, |_, _| {})?
+    let extended = loop {
+        let ids: Vec<&str> = found.accepted.iter().map(|accepted| accepted.named.effect.id).collect();
+        if ids.is_empty() {
+            break base.clone();
+        }
+        let extended = extend_as(robot, &[fitted], &base, (&ids, &found.trial, &bench), &options.settings, |_, _| {})?;
+        if found.trial.is_possible_in(&extended.calibration) {
+            break extended;
+        }
+        // The whole recording leads the last one where no robot can be: it stood for something else.
+        tracing::debug!(last = ids.last(), "taken back");
+        found.take_back(&bench)?;
     };
     step("measuring the gain");
-    let gain = if ids.is_empty() {
+    let gain = if found.accepted.is_empty() {
         Vec::new()
     } else {
         gain::gain(&base.calibration, &extended.calibration, unseen, options.settings.threads)?

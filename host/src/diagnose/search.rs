@@ -109,7 +109,7 @@ pub struct Rival {
 }
 
 /// What a search found.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Search {
     /// In the order in which they were accepted.
     pub accepted: Vec<Accepted>,
@@ -179,7 +179,13 @@ pub fn search(
         match best {
             Some(best) if found.accepted.len() < MOST_FINDINGS && holds(&best) => {
                 let from = best.on_few.clone().unwrap_or_else(|| found.trial.clone());
+                let (before, refused) = (found.clone(), best.clone());
                 accept(bench, &mut found, best, &refitted)?;
+                if !found.trial.is_possible() {
+                    // Settled among the others it is no cause that a robot can have.
+                    found = Search { refused: Some(refused), left: curves, ..before };
+                    return Ok(found);
+                }
                 on_few = few.fit(&all_laws(&found), &from, FINAL_ITERATIONS)?;
             }
             best => {
@@ -349,6 +355,18 @@ impl Search {
             left: Vec::new(),
             refused: None,
         }
+    }
+
+    /// Takes back what was accepted last.
+    ///
+    /// # Errors
+    /// As a calibration's.
+    pub fn take_back(&mut self, bench: &Bench<'_>) -> Result<(), CalibrateError> {
+        if let Some(last) = self.accepted.len().checked_sub(1) {
+            (self.trial, _) = self.without(bench, last)?;
+            self.accepted.pop();
+        }
+        Ok(())
     }
 
     /// The model without one of the accepted, and what is lost: twice the log-likelihood.
