@@ -45,4 +45,16 @@ fn the_gears_are_stiff_once_the_link_encoders_are_known_to_be_late() {
             assert!((55.0..105.0).contains(&before) && (10.0..45.0).contains(&after), "{before} {after} µrad");
         }
     }
+
+    // The same without being told: of all causes it is the first.
+    host(at, &["diagnose", "traj_C_val.mcap", "--holdout", "traj_A_id.mcap", "-o", "diagnosis.json"], 10);
+    let diagnosis = json(&at.join("diagnosis.json"));
+    let first = &diagnosis["findings"][0];
+    assert_eq!(first["effect"], "encoder_lag", "{}", diagnosis["summary"]);
+    assert_eq!(first["axes"], serde_json::json!([1, 2, 3]));
+    // Measured: 99.9 %, and 2.82, 2.74, 2.75 ms.
+    within(&first["explained_excess"], 0.9..=1.0);
+    for joint in 1..=3 {
+        within(&parameter(&first["parameters"], &format!("encoder_lag.T[{joint}]"))["estimate"], 2.6e-3..=3.0e-3);
+    }
 }

@@ -66,6 +66,12 @@ fn rows_under_every_law_have_the_slopes_of_differences() {
                 // Off null and off kinks: the delay of a sample and a half, gaps of milliradians.
                 *z += if *z == 0.0 { rng.random_range(1.2e-3..1.8e-3) } else { 0.1 * rng.random_range(-1.0..1.0) };
             }
+            for (coordinate, [low, high]) in model.coordinates().bounds() {
+                // Where a search may go: a step from outside would begin with one to there.
+                if !(low..high).contains(&shared.z[coordinate]) {
+                    shared.z[coordinate] = low + 0.6 * (high - low);
+                }
+            }
             problem.shift_readings(&shared.z);
             let mut point = start::with_states(&model, &series, shared);
             point.states.iter_mut().for_each(|x| *x += rng.random_range(-0.3..0.3));

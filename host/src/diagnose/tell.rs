@@ -61,6 +61,8 @@ pub fn tell(
             gain: gain.clone(),
         });
     }
+    // What matters most comes first, whenever it was found.
+    findings.sort_by(|a, b| b.explained_excess.total_cmp(&a.explained_excess));
     let significant = found.left.iter().filter(|curve| curve.p_family < LEVEL && curve.score > 0.0);
     let mut places: Vec<Defect> = significant.flat_map(|curve| defects(curve, excess)).collect();
     places.sort_by(|a, b| b.share.total_cmp(&a.share));

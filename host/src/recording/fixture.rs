@@ -31,8 +31,9 @@ pub fn any_recording() -> impl Strategy<Value = Recording> {
     (robot, 1..60usize, any::<bool>()).prop_flat_map(|(name, count, from_device)| {
         let robot = Robot::builtin(name).unwrap();
         let (joints, width) = (robot.joints.len(), robot.channels().len());
+        let percent_us = (robot.sample_period_s * 1e4) as u64;
         let rows = (
-            prop::collection::vec((990..1010u64, 1..4u64), count),
+            prop::collection::vec((99 * percent_us..101 * percent_us, 1..4u64), count),
             prop::collection::vec(prop::collection::vec(-1.0..=1.0, joints), count),
             prop::collection::vec(prop::collection::vec(any_value(), width), count),
             prop::collection::vec((any::<u8>(), any::<u16>(), 0.0..1e3, -1e3..1e3), count),
