@@ -46,15 +46,18 @@ fn the_gears_are_stiff_once_the_link_encoders_are_known_to_be_late() {
         }
     }
 
-    // The same without being told: of all causes it is the first.
+    // The same without being told: of all causes it explains most.
     host(at, &["diagnose", "traj_C_val.mcap", "--holdout", "traj_A_id.mcap", "-o", "diagnosis.json"], 10);
     let diagnosis = json(&at.join("diagnosis.json"));
-    let first = &diagnosis["findings"][0];
-    assert_eq!(first["effect"], "encoder_lag", "{}", diagnosis["summary"]);
-    assert_eq!(first["axes"], serde_json::json!([1, 2, 3]));
+    let findings = diagnosis["findings"].as_array().unwrap();
+    let explained = |finding: &&Value| finding["explained_excess"].as_f64().unwrap();
+    let most = findings.iter().max_by(|a, b| explained(a).total_cmp(&explained(b))).unwrap();
+    assert_eq!(most["effect"], "encoder_lag", "{}", diagnosis["summary"]);
+    assert_eq!(most["axes"], serde_json::json!([1, 2, 3]));
+    assert!(diagnosis["summary"].as_str().unwrap().starts_with("The model lacks: an encoder that reads late"));
     // Measured: 99.9 %, and 2.82, 2.74, 2.75 ms.
-    within(&first["explained_excess"], 0.9..=1.0);
+    within(&most["explained_excess"], 0.9..=1.0);
     for joint in 1..=3 {
-        within(&parameter(&first["parameters"], &format!("encoder_lag.T[{joint}]"))["estimate"], 2.6e-3..=3.0e-3);
+        within(&parameter(&most["parameters"], &format!("encoder_lag.T[{joint}]"))["estimate"], 2.6e-3..=3.0e-3);
     }
 }

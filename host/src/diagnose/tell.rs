@@ -61,8 +61,6 @@ pub fn tell(
             gain: gain.clone(),
         });
     }
-    // What matters most comes first, whenever it was found.
-    findings.sort_by(|a, b| b.explained_excess.total_cmp(&a.explained_excess));
     let significant = found.left.iter().filter(|curve| curve.p_family < LEVEL && curve.score > 0.0);
     let mut places: Vec<Defect> = significant.flat_map(|curve| defects(curve, excess)).collect();
     places.sort_by(|a, b| b.share.total_cmp(&a.share));
@@ -169,8 +167,11 @@ fn summary(robot: &Robot, verdict: Verdict, findings: &[Finding], unexplained: &
             axes.iter().filter_map(|axis| robot.joints.get(axis - 1)).map(|joint| joint.name.as_str()).collect();
         if names.is_empty() { String::new() } else { format!(" ({})", names.join(", ")) }
     };
-    let causes: Vec<String> = findings
-        .iter()
+    // What explains most is said first, whenever it was found.
+    let mut by_share: Vec<&Finding> = findings.iter().collect();
+    by_share.sort_by(|a, b| b.explained_excess.total_cmp(&a.explained_excess));
+    let causes: Vec<String> = by_share
+        .into_iter()
         .map(|finding| {
             let title = Effect::by_id(&finding.effect).map_or("", |effect| effect.title);
             format!("{title}{}", joints(&finding.axes))
