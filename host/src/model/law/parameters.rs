@@ -152,7 +152,7 @@ impl Parameters {
         })
     }
 
-    /// Says what the results of this symbol can be in a robot. A fit is free to leave the range, though not far ([`bounds`](Self::bounds)); a
+    /// Says what the results of this symbol can be in a robot. A fit is free to leave the range, though not farther than half its width; a
     /// diagnosis then does not believe it.
     pub fn within(&mut self, symbol: &str, range: [f64; 2]) {
         let name = format!("{}.{symbol}", self.id);
