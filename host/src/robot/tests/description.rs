@@ -49,11 +49,11 @@ fn a_parameter_that_a_joint_can_do_without_is_zero_unless_it_is_given() {
         "d_s = { start = 1.0, simulated = 1.5 }",
         "d_s = { start = 1.0 }\nJ = { start = 0.0 }\nmx = { start = 0.1 }",
     );
-    let encoder =
-        "[[sensor]]\nkind = \"link_encoder\"\njoint = \"roll\"\nsigma_rad = 1e-5\nzero_rad = { start = 0.0 }\n";
+    let encoder = "[[sensor]]\nkind = \"link_encoder\"\njoint = \"roll\"\nsigma_rad = 1e-5\nzero_rad = { start = 0.0 }\n\
+         scale_error = { fixed = 1e-4 }\n";
     let robot = Robot::parse(&format!("{more}\n{encoder}")).unwrap();
     let names: Vec<_> = robot.parameters().iter().map(|p| (p.name.as_str(), p.unit)).collect();
-    for known in [("J[1]", "kg m^2"), ("mx[1]", "kg m"), ("zero[3]", "rad")] {
+    for known in [("J[1]", "kg m^2"), ("mx[1]", "kg m"), ("zero[3]", "rad"), ("scale_error[3]", "")] {
         assert!(names.contains(&known), "{known:?} is not in {names:?}");
     }
     assert!(robot.joint_parameter(Symbol::FirstMoment { axis: 0 }, 1).is_none(), "pitch has no mx");
@@ -89,6 +89,9 @@ fn values_without_sense_are_named_with_a_way_out() {
         ("limits_rad = [-1.0, 1.0]", "", "joint[1].limits_rad = missing"),
         ("mass_kg = 10.0", "mass_kg = -10.0", "joint[1].body.mass_kg = -10"),
         ("xx = 1.0, yy = 1.0", "xx = 0.1, yy = 0.1", "no body has such an inertia"),
+        ("gear = 42.092", "gear = 42.092\nunmodelled_m_s2 = { link = 1.0 }", "give `unmodelled_rad_s2`"),
+        ("gear = 42.092", "gear = 42.092\nunmodelled_rad_s2 = { link = -1.0 }", "joint[1].unmodelled.link = -1"),
+        ("sigma_rad = ", "scale_error = { start = 0.0 }\nsigma_rad = ", "a motor_encoder has no such field"),
         ("gear = 42.092", "gear = 0.0", "joint[1].gear = 0: must be a positive number"),
         ("k_s = { start = 400.0 }", "", "joint[1].parameters.k_s = nothing: missing"),
         ("k_s = { start = 400.0 }", "k_s = { start = 400.0, fixed = 1.0 }", "give one of the two"),
