@@ -1,41 +1,8 @@
 //! EMPS, a published benchmark: a carriage on a ball screw, measured. The program's figures beside the published ones (host/doc/emps.md).
-//!
-//! The data are read from `REALDATA_DIR`; without it the story says that it was skipped.
 
-use std::path::{Path, PathBuf};
+mod measured;
 
-use assert_cmd::Command;
-use serde_json::Value;
-
-/// The folder of a machine's data.
-fn machine(name: &str) -> Option<PathBuf> {
-    let folder = std::env::var_os("REALDATA_DIR").map(|folder| Path::new(&folder).join(name));
-    if folder.is_none() {
-        eprintln!("\n*** SKIPPED: REALDATA_DIR is not set, the measurements of {name} were not looked at ***\n");
-    }
-    folder
-}
-
-fn host(folder: &Path, arguments: &[&str], code: i32) -> String {
-    let output = Command::new(env!("CARGO_BIN_EXE_host")).current_dir(folder).args(arguments).output().unwrap();
-    let text = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {text}");
-    text
-}
-
-fn json(path: &Path) -> Value {
-    serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap()
-}
-
-fn parameter<'a>(list: &'a Value, name: &str) -> &'a Value {
-    list.as_array().unwrap().iter().find(|p| p["name"] == name).unwrap_or_else(|| panic!("no {name}"))
-}
-
-#[track_caller]
-fn within(value: &Value, range: std::ops::RangeInclusive<f64>) {
-    let value = value.as_f64().unwrap();
-    assert!(range.contains(&value), "{value} is not in {range:?}");
-}
+use measured::{host, json, machine, parameter, within};
 
 #[test]
 fn published_figures_come_out_with_and_without_direction_dependent_friction() {

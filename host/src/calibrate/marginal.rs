@@ -10,7 +10,7 @@
 //! H_xx is the states' own block of the normal matrix. The fit by squares leaves this term out, and so errs by S⁻¹ ∂(½ ln |H_xx|)/∂p, S the
 //! information of the parameters. A motion made for calibration shows every parameter so well that this is nothing. Where it does not, the slope
 //! is measured. A parameter that errs by more than half a standard error has a wider interval, with room for the error; one that errs by more than
-//! four, or that owes the noise more than half of what seems known, is given no number.
+//! four, that owes the noise more than half of what seems known, or that the motion alone shows to worse than ± 50 %, is given no number.
 
 use nalgebra::{DMatrix, DVector};
 

@@ -25,7 +25,8 @@ pub struct Args {
     /// Assumptions: `default`, or `paper` to reproduce the paper with its biases
     #[arg(long, value_enum, default_value_t = Preset::Default)]
     preset: Preset,
-    /// Noise of sensors and model steps: from the recording itself (`default` does so), or as the robot file and the preset say (`paper`)
+    /// Noise of sensors and model steps: from the recording itself (`default` does so), or as the robot file and the preset say (`paper`,
+    /// and robots whose file says what is unmodelled)
     #[arg(long, value_enum)]
     noise: Option<NoiseSource>,
     /// Extend the base model by this effect; `host effects` lists them. Can be given several times
@@ -67,7 +68,7 @@ pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
     let mut page = report::calibration::page(&calibration);
     if args.preset == Preset::Paper && args.result.report.is_some() {
         // The page shows what the paper's assumptions cost.
-        let default = solve(&robot, &recordings, Preset::Default, ui)?;
+        let default = solve(&robot, &recordings, Method::suited(Preset::Default, &robot), ui)?;
         page.push(report::calibration::paper_beside_default(&default, &calibration, robot.sample_period_s));
     }
     outputs.finish(ui, &calibration, || page.to_html())?;

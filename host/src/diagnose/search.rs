@@ -123,6 +123,8 @@ pub struct Search {
     pub left: Vec<CurveFit>,
     /// The best law that did not hold its own against a curve, where the search ended for that.
     pub refused: Option<Scanned>,
+    /// What laws explained that were taken back, twice the log-likelihood: it has no name again.
+    pub taken_back: f64,
 }
 
 /// Laws in the catalogue's order: a plant's line asks them so.
@@ -354,6 +356,7 @@ impl Search {
             first_curves: Vec::new(),
             left: Vec::new(),
             refused: None,
+            taken_back: 0.0,
         }
     }
 
@@ -363,7 +366,9 @@ impl Search {
     /// As a calibration's.
     pub fn take_back(&mut self, bench: &Bench<'_>) -> Result<(), CalibrateError> {
         if let Some(last) = self.accepted.len().checked_sub(1) {
-            (self.trial, _) = self.without(bench, last)?;
+            let (trial, lost) = self.without(bench, last)?;
+            self.trial = trial;
+            self.taken_back += lost.max(0.0);
             self.accepted.pop();
         }
         Ok(())

@@ -140,7 +140,7 @@ impl Parameters {
         self.results.push(LawResult { name, unit, form, range: [f64::NEG_INFINITY, f64::INFINITY] });
     }
 
-    /// Where a search goes no farther: for each coordinate whose result has a range with two ends, half its width beyond either.
+    /// Where a search goes no farther: for each coordinate that is a result itself and has a range with two ends, half its width beyond either.
     pub(crate) fn bounds(&self) -> impl Iterator<Item = (usize, [f64; 2])> + '_ {
         self.results.iter().filter_map(|result| {
             let [low, high] = result.range;

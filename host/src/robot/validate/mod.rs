@@ -11,7 +11,7 @@ use super::file::{
 use super::vector::IDENTITY;
 use super::{
     Body, Friction, Input, InputUnit, Joint, JointKind, Matrix3, Parameter, ParameterSpec, Robot, RobotError, Side,
-    Symbol, Unmodelled,
+    Symbol, Transmission, Unmodelled,
 };
 use checks::{by_kind, by_kind_with, finite, identifier, not_negative, positive, rotation, unit_vector, within};
 use sensors::{encoder_parameters, gyro_parameters, same_place, sensor};
@@ -115,8 +115,13 @@ fn unmodelled(at: &str, table: &JointTable) -> Checked<Unmodelled> {
     }
     let given = table.unmodelled_rad_s2.or(table.unmodelled_m_s2).unwrap_or_default();
     let advice = "give the standard deviation of the acceleration that the model does not explain";
+    let field = if table.kind == JointKind::Revolute { "unmodelled_rad_s2" } else { "unmodelled_m_s2" };
     for (side, value) in [("link", given.link), ("motor", given.motor)] {
-        not_negative(&format!("{at}.unmodelled.{side}"), value, advice)?;
+        not_negative(&format!("{at}.{field}.{side}"), value, advice)?;
+    }
+    if given.motor > 0.0 && table.transmission == Transmission::Rigid {
+        let advice = "the motor of a rigid joint moves as its link does: give it as `link`";
+        return Err(RobotError::invalid(format!("{at}.{field}.motor"), given.motor, advice));
     }
     Ok(given)
 }
