@@ -1,8 +1,10 @@
 //! EMPS, a published benchmark: a carriage on a ball screw, measured. The program's figures beside the published ones (host/doc/emps.md).
 
 mod measured;
+mod program;
 
-use measured::{host, json, machine, parameter, within};
+use measured::{machine, parameter, within};
+use program::{host, json};
 
 #[test]
 fn published_figures_come_out_with_and_without_direction_dependent_friction() {

@@ -2,8 +2,10 @@
 //! (host/doc/kuka_kr300.md).
 
 mod measured;
+mod program;
 
-use measured::{host, json, machine, parameter, within};
+use measured::{machine, parameter, within};
+use program::{host, json};
 use serde_json::Value;
 
 const TRAJECTORIES: [&str; 3] = ["traj_A_id", "traj_B_val", "traj_C_val"];

@@ -1,12 +1,13 @@
 //! Two encoders at an elastic gear: one that counts from elsewhere, tells too much and reads late, on a link whose body is not known. The stiffness
 //! is the plant's all the same, once the cause is in the model.
 
-use std::fmt::Write as _;
-use std::path::Path;
+mod program;
 
-use assert_cmd::Command;
+use std::fmt::Write as _;
+
 use host::robot::{Robot, Side};
 use host::simulate::{Plant, Truth};
+use program::{host, json};
 use rand::{RngExt, SeedableRng, rngs::StdRng};
 use rand_distr::{Distribution, StandardNormal};
 use serde_json::Value;
@@ -69,13 +70,6 @@ fn table(robot: &Robot) -> String {
     table
 }
 
-fn host(folder: &Path, arguments: &[&str]) -> String {
-    let output = Command::new(env!("CARGO_BIN_EXE_host")).current_dir(folder).args(arguments).output().unwrap();
-    let text = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert!(output.status.success(), "{arguments:?}: {text}");
-    text
-}
-
 #[test]
 fn a_late_link_encoder_makes_a_gear_look_soft() {
     let scratch = tempfile::tempdir().unwrap();
@@ -83,11 +77,10 @@ fn a_late_link_encoder_makes_a_gear_look_soft() {
     // Who describes the robot takes its link for half as heavy as it is.
     std::fs::write(at.join("gear.toml"), description(0.75)).unwrap();
     std::fs::write(at.join("run.csv"), table(&Robot::parse(&description(1.5)).unwrap())).unwrap();
-    host(at, &["import", "run.csv", "--robot", "gear.toml", "-o", "run.mcap"]);
-    host(at, &["calibrate", "run.mcap", "-o", "naive.json"]);
-    host(at, &["calibrate", "run.mcap", "--extend", "encoder_lag", "-o", "late.json"]);
-    let read = |name: &str| -> Value { serde_json::from_slice(&std::fs::read(at.join(name)).unwrap()).unwrap() };
-    let (naive, late) = (read("naive.json"), read("late.json"));
+    host(at, &["import", "run.csv", "--robot", "gear.toml", "-o", "run.mcap"], 0);
+    host(at, &["calibrate", "run.mcap", "-o", "naive.json"], 0);
+    host(at, &["calibrate", "run.mcap", "--extend", "encoder_lag", "-o", "late.json"], 0);
+    let (naive, late) = (json(&at.join("naive.json")), json(&at.join("late.json")));
     assert_eq!(late["noise_source"], "fixed", "the description says what is unmodelled");
     let parameter = |calibration: &Value, name: &str| -> (f64, f64) {
         let list = calibration["parameters"].as_array().unwrap();

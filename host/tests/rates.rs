@@ -1,14 +1,14 @@
 //! Tables of other loops than the firmware's: from 100 Hz to 8 kHz, with uneven stamps, inputs in volts, amperes and newton metres.
 
-use std::fmt::Write as _;
-use std::path::Path;
+mod program;
 
-use assert_cmd::Command;
+use std::fmt::Write as _;
+
 use host::robot::{Robot, Side};
 use host::simulate::{Plant, Truth};
+use program::{host, json};
 use rand::{RngExt, SeedableRng, rngs::StdRng};
 use rand_distr::{Distribution, StandardNormal};
-use serde_json::Value;
 
 /// A loop whose recording comes as a table.
 struct Loop {
@@ -147,13 +147,6 @@ fn table(of: &Loop, robot: &Robot) -> (String, Truth) {
     (table, truth)
 }
 
-fn host(folder: &Path, arguments: &[&str]) -> String {
-    let output = Command::new(env!("CARGO_BIN_EXE_host")).current_dir(folder).args(arguments).output().unwrap();
-    let text = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert!(output.status.success(), "{arguments:?}: {text}");
-    text
-}
-
 #[test]
 fn any_rate_and_any_input_is_calibrated() {
     for of in &LOOPS {
@@ -164,11 +157,10 @@ fn any_rate_and_any_input_is_calibrated() {
         let (table, truth) = table(of, &robot);
         std::fs::write(at.join("robot.toml"), text).unwrap();
         std::fs::write(at.join("run.csv"), table).unwrap();
-        host(at, &["import", "run.csv", "--robot", "robot.toml", "-o", "run.mcap"]);
-        host(at, &["check", "run.mcap", "-o", "check.json"]);
-        let said = host(at, &["calibrate", "run.mcap", "-o", "cal.json"]);
-        let read = |name: &str| -> Value { serde_json::from_slice(&std::fs::read(at.join(name)).unwrap()).unwrap() };
-        let (check, cal) = (read("check.json"), read("cal.json"));
+        host(at, &["import", "run.csv", "--robot", "robot.toml", "-o", "run.mcap"], 0);
+        host(at, &["check", "run.mcap", "-o", "check.json"], 0);
+        let said = host(at, &["calibrate", "run.mcap", "-o", "cal.json"], 0);
+        let (check, cal) = (json(&at.join("check.json")), json(&at.join("cal.json")));
         assert_eq!((&check["missing_ticks"], &check["gaps"]), (&0.into(), &0.into()), "{}", of.name);
         assert_eq!(cal["status"], "converged", "{}: {said}", of.name);
         let errors: Vec<(f64, String)> = truth
