@@ -288,6 +288,9 @@ pub fn reduced<P: LeastSquares>(
     Ok(factor.schur())
 }
 
+/// Stages whose factors stay in the nearest caches.
+const NEAR: usize = 8;
+
 /// What a stage's step is made of.
 #[derive(Debug, Clone)]
 struct Known {
@@ -305,6 +308,17 @@ impl Known {
         }
         Known { columns, quads, own: vec![Quad::default(); columns.stage_groups] }
     }
+
+    /// Makes the step of the next stage, and knows it.
+    #[inline(always)]
+    fn go_on<S: Simd, T: Kept>(&mut self, simd: S, kept: &[[T; LANES]], states: &mut [f64]) {
+        let Known { quads, own, .. } = self;
+        substitute(simd, kept, quads, own);
+        quads[..own.len()].copy_from_slice(own);
+        for (to, own) in states.chunks_mut(LANES).zip(own.iter()) {
+            to.copy_from_slice(&own.0[..to.len()]);
+        }
+    }
 }
 
 /// The steps of consecutive stages, from the first one to the last or from the last one to the first.
@@ -320,15 +334,21 @@ impl<T: Kept> Work for BackSubstitute<'_, T> {
 
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
-        let Known { columns, quads, own } = self.x;
-        let (size, n) = (columns.kept(), columns.shape.stage);
-        let count = self.states.len() / n;
-        for i in 0..count {
-            let k = if self.backwards { count - 1 - i } else { i };
-            substitute(simd, &self.kept[k * size..(k + 1) * size], quads, own);
-            quads[..own.len()].copy_from_slice(own);
-            for (to, own) in self.states[k * n..(k + 1) * n].chunks_mut(LANES).zip(own.iter()) {
-                to.copy_from_slice(&own.0[..to.len()]);
+        let BackSubstitute { x, kept, states, .. } = self;
+        let (size, n) = (x.columns.kept(), x.columns.shape.stage);
+        if !self.backwards {
+            for (kept, states) in kept.chunks_exact(size).zip(states.chunks_exact_mut(n)) {
+                x.go_on(simd, kept, states);
+            }
+            return;
+        }
+        // Memory that is read backwards comes four times as slowly. So it is read forwards, a few stages at a time, into a nearer one.
+        let mut near = Vec::with_capacity(NEAR * size);
+        for (kept, states) in kept.chunks(NEAR * size).rev().zip(states.chunks_mut(NEAR * n).rev()) {
+            near.clear();
+            near.extend_from_slice(kept);
+            for (kept, states) in near.chunks_exact(size).rev().zip(states.chunks_exact_mut(n).rev()) {
+                x.go_on(simd, kept, states);
             }
         }
     }

@@ -6,6 +6,11 @@
 //! The elimination itself is always in double precision, and so are the Schur complement and its gradient. What is kept is only read to
 //! find the states' step: in single precision it has seven digits, which the next iteration mends, at half the memory and half of its
 //! traffic, which is what the time goes into.
+//!
+//! Memory of single precision goes from one factor to the next: what went back to the system would come again page by page, each emptied
+//! anew, which takes as long as half an iteration.
+
+use std::sync::Mutex;
 
 use super::kernel;
 use crate::simd::{LANES, Quad, Simd};
@@ -68,7 +73,7 @@ impl Store {
     pub(super) fn new(precision: Precision, groups: usize) -> Self {
         match precision {
             Precision::Double => Store::Double(vec![[0.0; LANES]; groups]),
-            Precision::Single => Store::Single(vec![[0.0; LANES]; groups]),
+            Precision::Single => Store::Single(Spare::take(groups)),
         }
     }
 
@@ -88,6 +93,53 @@ impl Store {
                 Store::Single(groups) => f32::back(&groups[at]),
                 Store::Nothing(_) => unreachable!("a factor that keeps nothing is not handed out"),
             };
+        }
+    }
+}
+
+impl Drop for Store {
+    fn drop(&mut self) {
+        if let Store::Single(groups) = self {
+            Spare::give(std::mem::take(groups));
+        }
+    }
+}
+
+/// The memory of factors that are gone, for those that come: as much as so many of them had.
+struct Spare(Vec<Vec<[f32; LANES]>>);
+
+static SPARE: Mutex<Spare> = Mutex::new(Spare(Vec::new()));
+
+impl Spare {
+    const MOST: usize = 2;
+
+    /// So many groups, of any content: a factor writes all of them before it reads any.
+    fn take(groups: usize) -> Vec<[f32; LANES]> {
+        // What a thread left there when it panicked is memory all the same.
+        let mut spare = SPARE.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+        // The smallest that is large enough.
+        let fitting = spare.0.iter().enumerate().filter(|(_, memory)| memory.capacity() >= groups);
+        let smallest = fitting.min_by_key(|(_, memory)| memory.capacity()).map(|(at, _)| at);
+        let memory = smallest.map(|at| spare.0.swap_remove(at));
+        drop(spare);
+        match memory {
+            Some(mut memory) => {
+                memory.resize(groups, [0.0; LANES]);
+                memory
+            }
+            None => vec![[0.0; LANES]; groups],
+        }
+    }
+
+    fn give(memory: Vec<[f32; LANES]>) {
+        let mut spare = SPARE.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+        spare.0.push(memory);
+        if spare.0.len() > Self::MOST {
+            // The smallest is the soonest made anew.
+            let smallest = spare.0.iter().enumerate().min_by_key(|(_, memory)| memory.capacity());
+            if let Some((at, _)) = smallest {
+                spare.0.swap_remove(at);
+            }
         }
     }
 }

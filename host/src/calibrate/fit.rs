@@ -259,8 +259,15 @@ impl Task<'_> {
         observability::without_held_turns(&mut solution.point.rotations, robot, problem.border(), &held);
         let directions: Vec<_> = held.iter().map(|held| held.direction.clone()).collect();
         let border = Border::new(&solution.information, &solution.gradient, &directions);
-        let mut calibration =
-            summary::summarise(robot, &problem, &start, &solution, &border, (&held, &silent, &wider), &residue);
+        let mut calibration = summary::summarise(
+            robot,
+            &problem,
+            (&start, &solution),
+            &border,
+            (&held, &silent, &wider),
+            &residue,
+            settings.threads,
+        );
         calibration.preset = self.method.preset;
         calibration.noise_source = self.method.noise;
         for (noise, left_out) in calibration.noise.iter_mut().zip(screened.left_out()) {

@@ -10,6 +10,7 @@ use super::identify;
 use super::observability::Held;
 use super::point::Point;
 use super::problem::Problem;
+use super::series::Series;
 use super::start::{self, Shared};
 use crate::robot::Robot;
 use solve::levenberg::{self, Settings, Status};
@@ -20,30 +21,57 @@ const WINDOWS: usize = 16;
 /// Relative change of the cost at which the excerpt has told what it can.
 const ROUGH: f64 = 1e-5;
 
-/// The point that a search from `start` with `held` directions better begins at; none where the series is short or the excerpt says
-/// too little. What is held is where it was.
-pub(super) fn of<'m>(
-    problem: &Problem<'m>,
-    robot: &Robot,
-    start: &Point<'m>,
-    structural: &[Held],
-    weak: &[Held],
-    settings: &Settings,
-) -> Option<Point<'m>> {
-    let series = problem.series.excerpt(SAMPLES, WINDOWS)?;
-    let mut part = Problem::new(problem.model, robot, &series, problem.assumptions.clone());
-    part.set_noise(problem.noise().clone());
-    let held: Vec<_> = structural.iter().chain(weak).map(|held| held.direction.clone()).collect();
-    let settings = Settings { relative_cost_change: settings.relative_cost_change.max(ROUGH), ..settings.clone() };
-    let from = start::with_states(problem.model, &series, shared(start));
-    let found = levenberg::minimise(&part, from, &held, &settings, |_, _| {}).ok()?;
-    tracing::debug!(samples = series.stages(), iterations = found.iterations.len(), status = ?found.status, "excerpt");
-    let ended = !matches!(found.status, Status::NoProgress);
-    if !ended || identify::open(&part, &found.point, &found.information, structural) > weak.len() {
-        return None;
+/// A series long enough to have one: its excerpt.
+pub(super) fn excerpt(series: &Series) -> Option<Series> {
+    series.excerpt(SAMPLES, WINDOWS)
+}
+
+/// The problem of an excerpt.
+pub(super) struct Part<'a, 'm> {
+    whole: &'a Problem<'m>,
+    problem: Problem<'a>,
+    robot: &'a Robot,
+}
+
+impl<'a, 'm: 'a> Part<'a, 'm> {
+    pub(super) fn new(whole: &'a Problem<'m>, robot: &'a Robot, excerpt: &'a Series) -> Self {
+        let mut problem = Problem::new(whole.model, robot, excerpt, whole.assumptions.clone());
+        problem.set_noise(whole.noise().clone());
+        Part { whole, problem, robot }
     }
-    let point = start::with_states(problem.model, problem.series, shared(&found.point));
-    Some(identify::at_start(problem, point, start, weak))
+
+    /// Whether the excerpt leaves nothing open but what is held by the robot's build: then the whole does not either, at a twentieth of the price.
+    pub(super) fn tells_all(&self, start: &Point<'_>, structural: &[Held], threads: usize) -> bool {
+        let start = self.with_states(start);
+        identify::judge(&self.problem, self.robot, &start, structural, threads).is_ok_and(|found| found.weak.is_empty())
+    }
+
+    fn with_states(&self, start: &Point<'_>) -> Point<'a> {
+        start::with_states(self.whole.model, self.problem.series, shared(start))
+    }
+
+    /// The point that a search from `start` with `held` directions better begins at; none where the excerpt says too little. What is held is
+    /// where it was.
+    pub(super) fn point(
+        &self,
+        start: &Point<'m>,
+        structural: &[Held],
+        weak: &[Held],
+        settings: &Settings,
+    ) -> Option<Point<'m>> {
+        let (part, whole) = (&self.problem, self.whole);
+        let held: Vec<_> = structural.iter().chain(weak).map(|held| held.direction.clone()).collect();
+        let settings = Settings { relative_cost_change: settings.relative_cost_change.max(ROUGH), ..settings.clone() };
+        let found = levenberg::minimise(part, self.with_states(start), &held, &settings, |_, _| {}).ok()?;
+        let samples = part.series.stages();
+        tracing::debug!(samples, iterations = found.iterations.len(), status = ?found.status, "excerpt");
+        let ended = !matches!(found.status, Status::NoProgress);
+        if !ended || identify::open(part, &found.point, &found.information, structural) > weak.len() {
+            return None;
+        }
+        let point = start::with_states(whole.model, whole.series, shared(&found.point));
+        Some(identify::at_start(whole, point, start, weak))
+    }
 }
 
 fn shared(point: &Point<'_>) -> Shared {

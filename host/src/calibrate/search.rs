@@ -3,7 +3,7 @@
 use super::identify;
 use super::observability::Held;
 use super::point::Point;
-use super::prefit;
+use super::prefit::{self, Part};
 use super::problem::Problem;
 use crate::robot::Robot;
 use solve::factor::SolveError;
@@ -39,8 +39,13 @@ pub(super) fn search<'m>(
     settings: &Settings,
     progress: impl FnMut(usize, &Iteration),
 ) -> Result<Found<'m>, SolveError> {
-    let weak = identify::judge(problem, robot, start, structural, settings.threads)?.weak;
-    let from = prefit::of(problem, robot, start, structural, &weak, settings);
+    let excerpt = prefit::excerpt(problem.series);
+    let part = excerpt.as_ref().map(|excerpt| Part::new(problem, robot, excerpt));
+    let weak = match &part {
+        Some(part) if part.tells_all(start, structural, settings.threads) => Vec::new(),
+        _ => identify::judge(problem, robot, start, structural, settings.threads)?.weak,
+    };
+    let from = part.and_then(|part| part.point(start, structural, &weak, settings));
     let from = from.unwrap_or_else(|| start.clone());
     settle(problem, robot, (start, from), (structural, weak), settings, progress)
 }
