@@ -12,6 +12,7 @@ use num_dual::{Derivative, DualSVec64};
 
 use super::drive::{Action, Coefficients, JointLaw};
 use super::inertia::Inertia;
+use super::law::{FEW, MANY};
 use super::laws::OfJoint;
 use super::links::WeightedLinks;
 use super::local::{BASE, COEFFICIENTS, Drives, FEW_VARIABLES, MOST_VARIABLES, OWN, VOLTS};
@@ -174,8 +175,8 @@ impl<'m> Dynamics<'m> {
         let input = input.into();
         match self.model.laws.most_variables() {
             0 if self.model.laws.is_empty() => self.linearise_by::<BASE, 0>(x, &input, out),
-            0..=FEW_VARIABLES => self.linearise_by::<16, FEW_VARIABLES>(x, &input, out),
-            _ => self.linearise_by::<32, MOST_VARIABLES>(x, &input, out),
+            0..=FEW_VARIABLES => self.linearise_by::<FEW, FEW_VARIABLES>(x, &input, out),
+            _ => self.linearise_by::<MANY, MOST_VARIABLES>(x, &input, out),
         }
     }
 

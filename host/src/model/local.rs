@@ -7,7 +7,7 @@
 use super::Input;
 use super::drive::{Action, Coefficients, JointLaws, Sides};
 use super::dynamics::Dynamics;
-use super::law::{Asked, Broad, Narrow};
+use super::law::{Asked, Broad, FEW, MANY, Narrow};
 use super::quantity::variable;
 use crate::robot::Transmission;
 use crate::robot::chain::Lanes;
@@ -20,9 +20,9 @@ pub(super) const VOLTS: usize = BASE;
 pub(super) const OWN: usize = VOLTS + 1;
 
 /// Most parameters and states of laws at one joint.
-pub(super) const MOST_VARIABLES: usize = 32 - OWN;
+pub(super) const MOST_VARIABLES: usize = MANY - OWN;
 /// As many of them need few lanes.
-pub(super) const FEW_VARIABLES: usize = 16 - OWN;
+pub(super) const FEW_VARIABLES: usize = FEW - OWN;
 
 /// The action of one drive with derivatives by so many lanes.
 pub(super) trait Drives<const N: usize, const V: usize> {
@@ -46,7 +46,7 @@ impl Drives<BASE, 0> for Dynamics<'_> {
     }
 }
 
-impl Drives<16, FEW_VARIABLES> for Dynamics<'_> {
+impl Drives<FEW, FEW_VARIABLES> for Dynamics<'_> {
     fn drive(
         &self,
         i: usize,
@@ -59,7 +59,7 @@ impl Drives<16, FEW_VARIABLES> for Dynamics<'_> {
     }
 }
 
-impl Drives<32, MOST_VARIABLES> for Dynamics<'_> {
+impl Drives<MANY, MOST_VARIABLES> for Dynamics<'_> {
     fn drive(
         &self,
         i: usize,
@@ -103,8 +103,8 @@ impl Dynamics<'_> {
         rows: impl FnOnce(&dyn Fn(&mut [f64]), &dyn Fn(&mut [f64])),
     ) -> Action<f64> {
         match self.model.laws.most_variables() {
-            0..=FEW_VARIABLES => self.rows_by::<16, FEW_VARIABLES>(i, (x, input, volts), supply, rows),
-            _ => self.rows_by::<32, MOST_VARIABLES>(i, (x, input, volts), supply, rows),
+            0..=FEW_VARIABLES => self.rows_by::<FEW, FEW_VARIABLES>(i, (x, input, volts), supply, rows),
+            _ => self.rows_by::<MANY, MOST_VARIABLES>(i, (x, input, volts), supply, rows),
         }
     }
 

@@ -16,10 +16,14 @@ use super::quantity::Quantity;
 use crate::robot::chain::Lanes;
 use crate::robot::{Body, Side, Vector3};
 
+/// Few local variables: with its value such a number has 128 bytes, the most that compilers move without a call.
+pub(super) const FEW: usize = 15;
+/// Many local variables.
+pub(super) const MANY: usize = 32;
 /// Derivatives of few local variables …
-pub type Narrow = Lanes<16>;
+pub type Narrow = Lanes<FEW>;
 /// … and of many.
-pub type Broad = Lanes<32>;
+pub type Broad = Lanes<MANY>;
 
 /// A quantity of one joint that a law may change.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
