@@ -38,7 +38,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let clock = Instant::now();
         let scores = bench.scores(&trial, &laws)?;
         let seconds = clock.elapsed().as_secs_f64();
-        let scan = Scan::of(&scores);
+        let scan = Scan::of(&scores, trial.inflation);
         let p: Vec<f64> = scan.scores.iter().flatten().map(|score| score.p).collect();
         let family = scan.p_of_family(p.iter().copied().fold(1.0, f64::min));
         eprintln!(

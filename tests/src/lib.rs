@@ -1,9 +1,10 @@
-//! The studies of how often intervals hold the truth and how often hidden effects are found, and helpers of the stories: the `host` binary run as a process, scratch folders, the folder of independent recordings.
+//! The studies of how often intervals hold the truth and how often hidden effects are found, the riddle of the bearing, and helpers of the stories: the `host` binary run as a process, scratch folders, the folder of independent recordings.
 #![forbid(unsafe_code)]
 
 pub mod coverage;
 pub mod hidden;
 pub mod machine;
+pub mod riddle;
 pub mod study;
 
 use std::path::{Path, PathBuf};

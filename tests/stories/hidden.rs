@@ -5,7 +5,7 @@ use host::diagnose::Verdict;
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
-use tests::hidden::{Case, Outcome, Scoreboard, study};
+use tests::hidden::{Case, Disturbance, Outcome, Scoreboard, study};
 
 /// The heart of the catalogue.
 const CORE: [&str; 16] = [
@@ -34,8 +34,13 @@ fn drawn() -> Vec<Case> {
     let mut effects = CORE;
     effects.shuffle(&mut ChaCha8Rng::seed_from_u64(SEED));
     let sizes = ["large", "medium"].iter().cycle();
-    let case =
-        |effects: Vec<String>, size: &str, seed| Case { effects, size: size.to_string(), is_outsider: false, seed };
+    let case = |effects: Vec<String>, size: &str, seed| Case {
+        effects,
+        size: size.to_string(),
+        is_outsider: false,
+        seed,
+        disturbance: Disturbance::Nothing,
+    };
     let hidden = effects.iter().zip(sizes).take(DRAWN).zip(SEED..);
     let hidden = hidden.map(|((effect, size), seed)| case(vec![effect.to_string()], size, seed));
     hidden.chain([case(Vec::new(), "medium", SEED + 100)]).collect()

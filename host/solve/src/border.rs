@@ -2,6 +2,9 @@
 
 use nalgebra::{DMatrix, DVector};
 
+/// Information of a direction, in units of what it would be were all others known, that rounding alone may make.
+const UNDETERMINED: f64 = 1e-12;
+
 /// The information matrix S (states eliminated) and gradient g of the shared unknowns, with directions that are held.
 #[derive(Debug, Clone)]
 pub struct Border {
@@ -44,6 +47,17 @@ impl Border {
             let column = self.held.ncols();
             self.held = std::mem::replace(&mut self.held, DMatrix::zeros(0, 0)).insert_column(column, 0.0);
             self.held.set_column(column, &(v / norm));
+        }
+    }
+
+    /// Holds every direction that S does not determine at all, beside what is held already: columns that say the same.
+    pub fn hold_undetermined(&mut self) {
+        let eigen = self.scaled().symmetric_eigen();
+        for (value, direction) in eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()) {
+            if *value < UNDETERMINED {
+                let own: Vec<f64> = direction.component_mul(&self.scale).iter().copied().collect();
+                self.hold(&own);
+            }
         }
     }
 

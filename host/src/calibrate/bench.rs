@@ -9,6 +9,7 @@ use std::sync::Arc;
 use nalgebra::{DMatrix, Matrix3, Vector3};
 
 use super::extension::{self, Known};
+use super::inflation::inflation;
 use super::noise::Noise;
 use super::point::Point;
 use super::preset::Preset;
@@ -44,6 +45,8 @@ pub struct Trial {
     pub laws: Vec<Arc<dyn Law>>,
     /// ½ Σ r².
     pub cost: f64,
+    /// How many times as large as their noise residuals make scores, where that is coloured or more than it was taken to be; at least 1.
+    pub inflation: f64,
     /// Every parameter of the dynamics, the laws' behind the base model's.
     pub values: Vec<TrialValue>,
     rotations: Vec<Matrix3<f64>>,
@@ -276,9 +279,11 @@ impl<'a> Bench<'a> {
         let border = Border::new(&solution.information, &solution.gradient, &held);
         let point = solution.point;
         let values = values(&problem, &point, &border, &solution.information);
+        let inflation = inflation(&problem, &point);
         Ok(Trial {
             laws: laws.to_vec(),
             cost: solution.cost,
+            inflation,
             values,
             rotations: point.rotations,
             biases: point.biases,

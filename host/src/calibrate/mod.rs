@@ -13,6 +13,7 @@ pub(crate) mod extension;
 mod fit;
 pub mod foresight;
 mod identify;
+mod inflation;
 mod law_rows;
 mod marginal;
 mod noise;

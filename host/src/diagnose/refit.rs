@@ -63,7 +63,7 @@ pub fn refit(on: &Refit<'_>, scanned: Vec<Scanned>) -> Vec<Scanned> {
         }
         if s.score < NEAR.0 * most && s.score < most - NEAR.1 {
             s.score *= more;
-            s.p_family = on.family.p_of_family(p_of_score(s.score, s.freedom));
+            s.p_family = on.family.p_of_family(p_of_score(s.score / on.on_few.inflation, s.freedom));
         } else {
             on.in_full(s);
         }
@@ -111,6 +111,6 @@ impl Refit<'_> {
             let own = trial.values.iter().filter(|value| is_of(scanned.named.effect, &value.name));
             scanned.vif = own.map(|value| value.vif).filter(|vif| vif.is_finite()).reduce(f64::max);
         }
-        scanned.p_family = self.family.p_of_family(p_of_score(scanned.score, scanned.freedom));
+        scanned.p_family = self.family.p_of_family(p_of_score(scanned.score / current.inflation, scanned.freedom));
     }
 }

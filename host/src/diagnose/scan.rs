@@ -29,7 +29,7 @@ pub struct Score {
     pub score: f64,
     /// Directions that the motion shows.
     pub freedom: usize,
-    /// χ²'s share of noise.
+    /// χ²'s share of noise, of the score over the inflation.
     pub p: f64,
     /// The largest variance inflation of its columns by the shared unknowns.
     pub vif: f64,
@@ -49,9 +49,10 @@ pub struct Scan {
 }
 
 impl Scan {
-    /// The scan of `scores`.
-    pub fn of(scores: &Scores) -> Self {
-        let laws: Vec<Option<Score>> = scores.columns.iter().map(|columns| score(scores, columns.clone()?)).collect();
+    /// The scan of `scores`, which residuals of a wrong noise make so many times too large (see [`Trial::inflation`](crate::calibrate::Trial::inflation)).
+    pub fn of(scores: &Scores, inflation: f64) -> Self {
+        let law = |columns: &Option<Range<usize>>| score(scores, columns.clone()?, inflation);
+        let laws: Vec<Option<Score>> = scores.columns.iter().map(law).collect();
         let least = draws(scores, &laws);
         Scan { scores: laws, least }
     }
@@ -73,7 +74,7 @@ impl Scan {
     }
 }
 
-fn score(scores: &Scores, columns: Range<usize>) -> Option<Score> {
+fn score(scores: &Scores, columns: Range<usize>, inflation: f64) -> Option<Score> {
     let whitening = whitening(scores, columns.clone())?;
     let freedom = whitening.ncols();
     let white = whitening.transpose() * scores.gradient.rows(columns.start, columns.len());
@@ -81,7 +82,7 @@ fn score(scores: &Scores, columns: Range<usize>) -> Option<Score> {
     let (step, z) = (&whitening * &white, |i: usize| whitening.row(i).norm());
     let z = (0..columns.len()).map(|i| if z(i) > 0.0 { step[i] / z(i) } else { 0.0 }).collect();
     let vif = columns.clone().map(|j| scores.alone[j] / scores.information[(j, j)]).fold(1.0, f64::max);
-    Some(Score { score, freedom, p: p_of_score(score, freedom), vif, z, whitening, columns })
+    Some(Score { score, freedom, p: p_of_score(score / inflation, freedom), vif, z, whitening, columns })
 }
 
 /// W with `Wᵀ K_jj W = 1` over the directions that can be seen.
@@ -151,20 +152,23 @@ mod tests {
 
     #[test]
     fn a_score_is_that_of_its_gradient_and_its_column_s_information() {
-        let scan = Scan::of(&laws(3, 0.5, 5.0));
+        let scan = Scan::of(&laws(3, 0.5, 5.0), 1.0);
         let score = scan.scores[0].as_ref().unwrap();
         // 5² / 4, and 8 of information of which 4 are left.
         assert!((score.score - 6.25).abs() < 1e-12 && (score.z[0] - 2.5).abs() < 1e-12, "{score:?}");
         assert_eq!((score.freedom, score.vif), (1, 2.0));
         assert!((score.p - 0.012_419_33).abs() < 1e-8, "{}", score.p);
+        let inflated = Scan::of(&laws(3, 0.5, 5.0), 6.25 / 3.841_458_8);
+        let score = inflated.scores[0].as_ref().unwrap();
+        assert!((score.score - 6.25).abs() < 1e-12 && (score.p - 0.05).abs() < 1e-8, "{score:?}");
     }
 
     #[test]
     fn a_family_of_independent_laws_is_as_strict_as_its_number_and_copies_count_once() {
         // The share of 2,000 draws: within four standard deviations of it.
         let near = |share: f64, truth: f64| (share - truth).abs() < 4.0 * (truth * (1.0 - truth) / 2000.0).sqrt();
-        let independent = Scan::of(&laws(50, 0.0, 0.0));
-        let copies = Scan::of(&laws(50, 1.0, 0.0));
+        let independent = Scan::of(&laws(50, 0.0, 0.0), 1.0);
+        let copies = Scan::of(&laws(50, 1.0, 0.0), 1.0);
         for p in [0.001_f64, 0.01, 0.05] {
             let truth = 1.0 - (1.0 - p).powi(50);
             assert!(near(independent.p_of_family(p), truth), "{p}: {} of {truth}", independent.p_of_family(p));
@@ -181,7 +185,7 @@ mod tests {
     fn a_column_that_the_shared_unknowns_take_away_has_no_score() {
         let mut scores = laws(2, 0.0, 1.0);
         scores.information[(1, 1)] = 1e-9;
-        let scan = Scan::of(&scores);
+        let scan = Scan::of(&scores, 1.0);
         assert!(scan.scores[0].is_some() && scan.scores[1].is_none());
     }
 }

@@ -260,7 +260,7 @@ fn scan(
         .map(|(effect, law)| Named { effect, law: law.clone() })
         .collect();
     let laws: Vec<Arc<dyn Law>> = named.iter().map(|named| named.law.clone()).collect();
-    let scan = Scan::of(&bench.scores(current, &laws)?);
+    let scan = Scan::of(&bench.scores(current, &laws)?, current.inflation);
     let mut best: Vec<Scanned> = Vec::new();
     for (named, score) in named.into_iter().zip(&scan.scores) {
         let scanned = Scanned {
@@ -289,7 +289,7 @@ fn curves(
     (bench, current): (&Bench<'_>, &Trial),
 ) -> Result<Vec<CurveFit>, CalibrateError> {
     let laws: Vec<Arc<dyn Law>> = PLACES.iter().map(|place| place.curves(few, on_few).law).collect();
-    let scan = Scan::of(&few.scores(on_few, &laws)?);
+    let scan = Scan::of(&few.scores(on_few, &laws)?, on_few.inflation);
     let worth = |score: &Score| score.score - 2.0 * score.freedom as f64;
     let mut places: Vec<(Place, f64)> = PLACES
         .into_iter()
@@ -304,7 +304,7 @@ fn curves(
         laws.push(curves.law.clone());
         let trial = bench.fit(&laws, current, CURVE_ITERATIONS).ok().filter(|trial| trial.cost.is_finite())?;
         let gained = 2.0 * (current.cost - trial.cost);
-        let p_family = scan.p_of_family(p_of_score(gained, freedom));
+        let p_family = scan.p_of_family(p_of_score(gained / current.inflation, freedom));
         Some(CurveFit { curves, trial, score: gained - 2.0 * freedom as f64, p_family })
     };
     Ok(places.iter().take(CURVES_REFITTED).filter_map(|(place, _)| fit(place)).collect())
@@ -330,7 +330,7 @@ fn accept(bench: &Bench<'_>, found: &mut Search, best: Scanned, refitted: &[Scan
     while found.accepted.len() > 1 && place + 1 < found.accepted.len() {
         let (trial, lost) = found.without(bench, place)?;
         let dropped = &found.accepted[place].named;
-        let p = p_of_score(lost, dropped.law.parameters().coordinates.len());
+        let p = p_of_score(lost / found.trial.inflation, dropped.law.parameters().coordinates.len());
         tracing::debug!(effect = dropped.effect.id, lost, p, "drop?");
         if p > LEVEL {
             found.accepted.remove(place);

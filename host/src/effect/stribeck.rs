@@ -114,8 +114,8 @@ fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectEr
 }
 
 /// Where the law looks for v_s, rad/s. It is chosen, not fitted: a plant that sticks where equation (12) creeps would draw a free v_s into the
-/// last millimetres per second, and Δμ with it.
-const SPEEDS_RAD_S: [f64; 5] = [0.08, 0.05, 0.03, 0.13, 0.2];
+/// last millimetres per second, and Δμ with it. A third from one to the next: a worse one leaves enough of the curve for another cause.
+const SPEEDS_RAD_S: [f64; 9] = [0.08, 0.06, 0.045, 0.034, 0.025, 0.107, 0.143, 0.19, 0.25];
 
 /// Stribeck's exponential on the smooth sign of equation (12), without a state of its own. Linear in Δμ.
 #[derive(Debug)]

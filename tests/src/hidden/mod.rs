@@ -6,6 +6,7 @@
 //!                                                   the truth, sealed until then ─▶ compared ────────┴▶ Scoreboard
 //! ```
 
+mod disturbance;
 mod scoreboard;
 
 use std::path::Path;
@@ -18,6 +19,7 @@ use host::simulate::{Direct, EffectChoice, Options, SHORT_MOTION};
 use serde::{Deserialize, Serialize};
 use solve::levenberg::Settings;
 
+pub use disturbance::Disturbance;
 pub use scoreboard::{Scoreboard, wilson};
 
 /// What is hidden, and in which robot.
@@ -31,6 +33,9 @@ pub struct Case {
     pub is_outsider: bool,
     /// Decides the robot, the effect's parameters and the sensors' noise.
     pub seed: u64,
+    /// What spoils the recording besides.
+    #[serde(default)]
+    pub disturbance: Disturbance,
 }
 
 /// What became of a case.
@@ -61,6 +66,7 @@ pub fn cases(first: u64, seeds: u64) -> Vec<Case> {
         size: size.to_string(),
         is_outsider,
         seed,
+        disturbance: Disturbance::Nothing,
     };
     let mut cases = Vec::new();
     for seed in first..first + seeds {
@@ -72,6 +78,16 @@ pub fn cases(first: u64, seeds: u64) -> Vec<Case> {
         cases.extend(OUTSIDERS.iter().map(|id| case(&[id], "large", true, seed)));
     }
     cases
+}
+
+/// Robots with nothing hidden, every third with jittered stamps and every third with coloured noise of its gyros.
+pub fn nothing(first: u64, seeds: u64) -> Vec<Case> {
+    let disturbances = [Disturbance::Nothing, Disturbance::JitteredStamps, Disturbance::ColouredNoise];
+    let size = "medium".to_string();
+    let cases = (first..first + seeds).zip(disturbances.into_iter().cycle());
+    let case =
+        |(seed, disturbance)| Case { effects: Vec::new(), size: size.clone(), is_outsider: false, seed, disturbance };
+    cases.map(case).collect()
 }
 
 /// Effects of different equations, and of the same.
@@ -99,7 +115,8 @@ pub fn outcome(case: &Case) -> Outcome {
         let size = Size::parse(effect.id, &case.size).expect("sizes have names");
         options.effects.push(EffectChoice { effect, size });
     }
-    let simulated = Direct::record(&options, SHORT_MOTION).expect("the built-in robot plays the built-in motion");
+    let mut simulated = Direct::record(&options, SHORT_MOTION).expect("the built-in robot plays the built-in motion");
+    case.disturbance.act(&mut simulated.recording, case.seed);
     let without = if case.is_outsider { case.effects.clone() } else { Vec::new() };
     let how = diagnose::Options { without, settings: Settings { threads: 1, ..Settings::default() } };
     let clock = Instant::now();

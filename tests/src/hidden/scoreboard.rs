@@ -5,7 +5,7 @@ use std::fmt;
 use host::diagnose::Verdict;
 use host::effect::Effect;
 
-use super::Outcome;
+use super::{Disturbance, Outcome};
 
 /// The 95 % interval of a share of which `hits` of `n` were seen (Wilson 1927).
 pub fn wilson(hits: usize, n: usize) -> [f64; 2] {
@@ -32,8 +32,14 @@ impl Scoreboard {
     pub fn of(outcomes: &[Outcome]) -> Self {
         let mut board = Scoreboard { rows: Vec::new(), misses: Vec::new() };
         let group = |is: &dyn Fn(&Outcome) -> bool| outcomes.iter().filter(|o| is(o)).collect::<Vec<_>>();
-        let nothing = group(&|o| o.case.effects.is_empty());
-        board.row("nothing hidden: nothing found", &nothing, |o| o.verdict == Verdict::None);
+        for (disturbance, of) in [
+            (Disturbance::Nothing, ""),
+            (Disturbance::JitteredStamps, ", stamps that jitter"),
+            (Disturbance::ColouredNoise, ", coloured noise of the gyros"),
+        ] {
+            let nothing = group(&|o| o.case.effects.is_empty() && o.case.disturbance == disturbance);
+            board.row(&format!("nothing hidden{of}: nothing found"), &nothing, |o| o.verdict == Verdict::None);
+        }
         for size in ["large", "medium", "small"] {
             let single = group(&|o| o.case.effects.len() == 1 && o.case.size == size && !o.case.is_outsider);
             board.row(&format!("one {size} effect: named, and nothing else"), &single, |o| o.named == o.case.effects);
@@ -68,7 +74,12 @@ fn in_class(outcome: &Outcome) -> bool {
 fn miss(outcome: &Outcome) -> String {
     let case = &outcome.case;
     let hidden = if case.effects.is_empty() { "nothing".to_string() } else { case.effects.join(" and ") };
-    let of = if case.is_outsider { ", not in the catalogue" } else { "" };
+    let of = match case.disturbance {
+        _ if case.is_outsider => ", not in the catalogue",
+        Disturbance::Nothing => "",
+        Disturbance::JitteredStamps => " but stamps that jitter",
+        Disturbance::ColouredNoise => " but coloured noise",
+    };
     let said = if outcome.named.is_empty() { String::new() } else { format!(" ({})", outcome.named.join(", ")) };
     let verdict = format!("{:?}", outcome.verdict).to_lowercase();
     format!("{hidden}{of}, {}, seed {}: {verdict}{said}", case.size, case.seed)

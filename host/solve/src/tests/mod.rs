@@ -169,6 +169,26 @@ fn a_direction_of_which_only_rounding_speaks_can_be_held() {
 }
 
 #[test]
+fn what_two_columns_say_alike_is_held_and_the_rest_is_told() {
+    // The sum of two unknowns, and a third one.
+    let schur = [4.0, 4.0, 0.0, 4.0, 4.0, 0.0, 0.0, 0.0, 1.0];
+    let mut border = Border::new(&schur, &[2.0, 2.0, 1.0], &[]);
+    assert!(border.covariance().is_none());
+    border.hold_undetermined();
+    let covariance = border.covariance().unwrap();
+    let sum = covariance[(0, 0)] + 2.0 * covariance[(0, 1)] + covariance[(1, 1)];
+    assert_close(sum, 0.25, 1e-12, 0.0, "variance of the sum");
+    assert_close(covariance[(2, 2)], 1.0, 1e-12, 0.0, "variance of the third");
+    let (step, _) = border.step(0.0).unwrap();
+    assert_close(step[0] + step[1], -0.5, 1e-12, 0.0, "step of the sum");
+    // What is determined stays free.
+    let mut regular = Border::new(&[4.0, 1.0, 1.0, 2.0], &[0.0, 0.0], &[]);
+    let before = regular.covariance().unwrap();
+    regular.hold_undetermined();
+    assert_eq!(regular.covariance().unwrap(), before);
+}
+
+#[test]
 fn a_stage_without_information_is_reported() {
     let mut problem = Random::new(4, 9, 3, 2, 1.0);
     problem.rows[2].clear();
