@@ -10,7 +10,7 @@ use crate::robot::Robot;
 use solve::{LeastSquares, Stage, Step};
 
 /// Effects that are nothing at the start values of their laws, beside a word of what makes that so.
-const NULL_AT_START: [&str; 22] = [
+const NULL_AT_START: [&str; 21] = [
     "input_delay",
     "pwm_dead_zone",
     "voltage_sag",
@@ -21,7 +21,6 @@ const NULL_AT_START: [&str; 22] = [
     "belt_slack_side",
     "belt_tooth_skip",
     "viscous_friction",
-    "stribeck",
     "asymmetric_friction",
     "load_friction",
     "position_friction",
@@ -120,9 +119,9 @@ fn four_stages_at_once_are_those_of_the_generic_walk_under_every_law_that_the_ke
     let mut series = Series::made_up(&robot, 8, 3);
     series.spoil(&[(1, 4), (4, 7)], 2);
     let pairs = [
-        ["voltage_sag", "stribeck"],
+        ["voltage_sag", "asymmetric_friction"],
         ["base_bearing", "structure_mode"],
-        ["base_bearing", "stribeck"],
+        ["base_bearing", "asymmetric_friction"],
         ["voltage_sag", "structure_mode"],
     ];
     let pairs = pairs.map(|pair| pair.map(|id| Effect::by_id(id).unwrap()).to_vec());
@@ -169,8 +168,8 @@ fn four_stages_at_once_are_those_of_the_generic_walk_under_every_law_that_the_ke
         }
     }
     eprintln!("covered: {}", covered.join(", "));
-    // Measured: 24 laws and the four pairs, by both presets.
-    assert!(covered.len() >= 56, "{covered:?}");
+    // Measured: 23 laws and the four pairs, by both presets.
+    assert!(covered.len() >= 54, "{covered:?}");
 }
 
 #[test]

@@ -113,16 +113,33 @@ fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectEr
     Ok(Hidden { id: EFFECT.id, values, physics: Box::new(Stribeck { bristles, speed }) })
 }
 
-/// Where the law looks for v_s, rad/s. It is chosen, not fitted: a plant that sticks where equation (12) creeps would draw a free v_s into the
-/// last millimetres per second, and Δμ with it. A third from one to the next: a worse one leaves enough of the curve for another cause.
+/// Where the law looks for v_s, rad/s. It is chosen, not fitted: friction that falls steeply leads a search by linearisation astray. A third from
+/// one to the next: a worse one leaves enough of the curve for another cause.
 const SPEEDS_RAD_S: [f64; 9] = [0.08, 0.06, 0.045, 0.034, 0.025, 0.107, 0.143, 0.19, 0.25];
 
-/// Stribeck's exponential on the smooth sign of equation (12), without a state of its own. Linear in Δμ.
+/// How far the law's bristles bend, rad (a carriage's: a tenth of it in m): some counts of an encoder would hide it. Stiffer ones make a search by
+/// linearisation take small steps.
+const LAW_BENDING_RAD: f64 = 2e-4;
+/// They settle no faster, 1/s: an explicit step of a millisecond carries them.
+const LAW_FASTEST_PER_S: f64 = 1e3;
+/// A step of their share may be wrong by this.
+const SIGMA: f64 = 1e-3;
+
+/// Stribeck's exponential carried by bristles: equation (12) creeps where a robot sticks, and over seconds at rest an encoder sees how far.
+///
+/// ```text
+/// e = e^−(v/v_s)²        τ_f = μ sgn v + Δμ s        ṡ = (v e − |v| s) / z₀e, no faster than c:  c (v e − |v| s) / (c z₀e + |v|)
+/// ```
+/// At constant speed s is e sgn v. Friction that rises with the speed (Δμ < 0, grease does that) takes e sgn v itself: bristles would push. Linear in
+/// Δμ on either side.
 #[derive(Debug)]
 struct StribeckLaw {
     parameters: Parameters,
+    joints: Vec<usize>,
     /// v_s, rad/s.
     speed: f64,
+    /// z₀, rad.
+    bending: f64,
 }
 
 impl Law for StribeckLaw {
@@ -131,17 +148,32 @@ impl Law for StribeckLaw {
     }
 
     fn hooks(&self) -> &'static [Hook] {
-        &[Hook::Friction]
+        &[Hook::Friction, Hook::StateRate]
+    }
+
+    fn has_state(&self, joint: usize) -> bool {
+        self.joints.contains(&joint)
+    }
+
+    fn state_sigma(&self, _joint: usize) -> f64 {
+        SIGMA
     }
 
     acts_on_joints!();
 }
 
 impl StribeckLaw {
-    fn act<T: Quantity>(&self, _hook: Hook, at: &At<'_, T>, torque: T) -> T {
-        let [dmu] = *at.parameters else { return torque };
-        let share = at.friction_speed * self.speed.recip();
-        torque + dmu * (-(share * share)).exp() * at.friction_sign
+    fn act<T: Quantity>(&self, hook: Hook, at: &At<'_, T>, quantity: T) -> T {
+        let [dmu] = *at.parameters else { return quantity };
+        let v = at.friction_speed;
+        let share = v * self.speed.recip();
+        let falling = (-(share * share)).exp();
+        if hook == Hook::Friction {
+            let carried = if dmu.re() < 0.0 { falling * at.friction_sign } else { at.own };
+            return quantity + dmu * carried;
+        }
+        let settling = (falling * (LAW_FASTEST_PER_S * self.bending) + v.abs()).recip() * LAW_FASTEST_PER_S;
+        (v * falling - v.abs() * at.own) * settling
     }
 }
 
@@ -157,6 +189,6 @@ fn laws(robot: &Robot) -> Laws {
             parameters.plain("dmu", "N m", Of::Joint(joint), 0.0);
         }
         parameters.chosen("v_s", unit, speed);
-        StribeckLaw { parameters, speed }
+        StribeckLaw { parameters, joints: joints.clone(), speed, bending: scale * LAW_BENDING_RAD }
     }))
 }

@@ -3,27 +3,32 @@
 //! ```sh
 //! cargo run --release -p tests --bin hidden                                  # one robot a case
 //! cargo run --release -p tests --bin hidden -- --seeds 5 --only medium       # five, of one size only
-//! cargo run --release -p tests --bin hidden -- --nothing 200               # nothing hidden, stamps that jitter and coloured noise among them
+//! cargo run --release -p tests --bin hidden -- --effects stribeck,cogging    # cases with one of these in it
+//! cargo run --release -p tests --bin hidden -- --nothing 200                 # nothing hidden, stamps that jitter and coloured noise among them
 //! ```
 //!
 //! Appends a line of JSON a case to a file and leaves out those that it holds already: it may be stopped and started again.
 
 use std::process::ExitCode;
 
+use host::effect::Effect;
 use tests::hidden::{Scoreboard, cases, nothing, study};
 use tests::study::Arguments;
 
-const USAGE: &str =
-    "hidden [--seeds N | --nothing N] [--first SEED] [--only small|medium|large] [--workers N] [--out FILE.jsonl]";
+const USAGE: &str = "hidden [--seeds N | --nothing N] [--first SEED] [--only small|medium|large] [--effects ID,…] [--workers N] [--out FILE.jsonl]";
 
 fn main() -> ExitCode {
-    let (mut seeds, mut clean, mut only) = (1_u64, None, None);
+    let (mut seeds, mut clean, mut only, mut effects) = (1_u64, None, None, Vec::new());
     let understood = Arguments::read(USAGE, "hidden.jsonl", |name, value| match name {
         "--nothing" => value.parse().map(|n| clean = Some(n)).is_ok(),
         "--seeds" => value.parse().map(|n| seeds = n).is_ok(),
         "--only" if ["small", "medium", "large"].contains(&value) => {
             only = Some(value.to_string());
             true
+        }
+        "--effects" => {
+            effects = value.split(',').map(str::to_string).collect();
+            effects.iter().all(|id| Effect::by_id(id).is_ok())
         }
         _ => false,
     });
@@ -36,6 +41,7 @@ fn main() -> ExitCode {
     };
     let mut cases = clean.map_or_else(|| cases(first, seeds), |robots| nothing(first, robots));
     cases.retain(|case| only.as_ref().is_none_or(|size| case.size == *size));
+    cases.retain(|case| effects.is_empty() || case.effects.iter().any(|id| effects.contains(id)));
     let of = cases.len();
     match study(&out, &cases, workers, |done| eprint!("\r{done} of {of}")) {
         Ok(outcomes) => {

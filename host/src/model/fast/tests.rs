@@ -33,7 +33,7 @@ fn models() -> Vec<(String, Model)> {
         vec!["base_bearing"],
         vec!["structure_mode"],
         vec!["base_bearing", "structure_mode"],
-        vec!["base_bearing", "stribeck"],
+        vec!["base_bearing", "asymmetric_friction"],
         vec!["voltage_sag", "structure_mode"],
     ];
     let mut models = Vec::new();
