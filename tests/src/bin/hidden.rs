@@ -3,6 +3,7 @@
 //! ```sh
 //! cargo run --release -p tests --bin hidden                                  # one robot a case
 //! cargo run --release -p tests --bin hidden -- --seeds 5 --only medium       # five, of one size only
+//! cargo run --release -p tests --bin hidden -- --effect end_stop --seeds 3    # one effect, alone
 //! cargo run --release -p tests --bin hidden -- --nothing 200               # nothing hidden, stamps that jitter and coloured noise among them
 //! ```
 //!
@@ -14,15 +15,19 @@ use tests::hidden::{Scoreboard, cases, nothing, study};
 use tests::study::Arguments;
 
 const USAGE: &str =
-    "hidden [--seeds N | --nothing N] [--first SEED] [--only small|medium|large] [--workers N] [--out FILE.jsonl]";
+    "hidden [--seeds N | --nothing N] [--first SEED] [--only small|medium|large] [--effect ID] [--workers N] [--out FILE.jsonl]";
 
 fn main() -> ExitCode {
-    let (mut seeds, mut clean, mut only) = (1_u64, None, None);
+    let (mut seeds, mut clean, mut only, mut effect) = (1_u64, None, None, None);
     let understood = Arguments::read(USAGE, "hidden.jsonl", |name, value| match name {
         "--nothing" => value.parse().map(|n| clean = Some(n)).is_ok(),
         "--seeds" => value.parse().map(|n| seeds = n).is_ok(),
         "--only" if ["small", "medium", "large"].contains(&value) => {
             only = Some(value.to_string());
+            true
+        }
+        "--effect" => {
+            effect = Some(value.to_string());
             true
         }
         _ => false,
@@ -36,6 +41,7 @@ fn main() -> ExitCode {
     };
     let mut cases = clean.map_or_else(|| cases(first, seeds), |robots| nothing(first, robots));
     cases.retain(|case| only.as_ref().is_none_or(|size| case.size == *size));
+    cases.retain(|case| effect.as_ref().is_none_or(|id| case.effects == [id.as_str()] && !case.is_outsider));
     let of = cases.len();
     match study(&out, &cases, workers, |done| eprint!("\r{done} of {of}")) {
         Ok(outcomes) => {
