@@ -20,8 +20,8 @@ use super::problem::Problem;
 use super::series::Series;
 use super::start::{self, Shared};
 use super::{CalibrateError, observability};
-use crate::model::{Layout, Model};
 use crate::model::law::{Clues, JointClues};
+use crate::model::{Layout, Model};
 use crate::robot::{Robot, Symbol};
 use solve::LeastSquares;
 use solve::levenberg::{self, Settings};
@@ -62,16 +62,16 @@ impl Trimmed {
         let model = Model::new(robot);
         let length = (PIECE_S / series.median_period_s()).max(2.0) as usize;
         let pieces = series.in_pieces(length);
-        let moves = |place: usize| {
-            pieces.segments[place].clone().any(|k| pieces.input(k).iter().any(|input| *input != 0.0))
-        };
+        let moves =
+            |place: usize| pieces.segments[place].clone().any(|k| pieces.input(k).iter().any(|input| *input != 0.0));
         let moving: Vec<bool> = (0..pieces.segments.len()).map(moves).collect();
         let trim = Trim { robot, model: &model, settings, pieces: &pieces, moving: &moving };
         let count = moving.iter().filter(|moves| **moves).count();
         let first = moving.iter().position(|moves| *moves).unwrap_or(0);
         let half = first + (moving.len() - first) / 2;
         // What lasts from an event on may bend the whole, but not both sides of it.
-        let parts: [&dyn Fn(usize) -> bool; 3] = [&|_| true, &|place| place < half, &|place| place < first || place >= half];
+        let parts: [&dyn Fn(usize) -> bool; 3] =
+            [&|_| true, &|place| place < half, &|place| place < first || place >= half];
         let mut best: Option<(usize, Shared)> = None;
         for part in parts {
             // One that cannot be solved is not the best.

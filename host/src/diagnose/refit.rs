@@ -70,9 +70,16 @@ impl Events {
     }
 }
 
-/// Refits the best of a scan and what the best may be taken for. What is beaten on few samples keeps its score there, as many times as there are
-/// more samples.
+/// Refits the best of a scan and what the best may be taken for, and the laws of events, which the samples of the scan may not hold.
 pub fn refit(on: &Refit<'_>, scanned: Vec<Scanned>) -> Vec<Scanned> {
+    let mut refitted = best_of_scan(on, scanned);
+    let is_in = |named: &&Named| on.found.accepted.iter().any(|accepted| accepted.named.effect.id == named.effect.id);
+    refitted.extend(on.events.named.iter().filter(|named| !is_in(named)).map(|named| on.event(named.clone())));
+    refitted
+}
+
+/// What is beaten on few samples keeps its score there, as many times as there are more samples.
+fn best_of_scan(on: &Refit<'_>, scanned: Vec<Scanned>) -> Vec<Scanned> {
     let Some(best) = scanned.first().filter(|best| best.p_family < LEVEL).map(|best| best.named.effect) else {
         return Vec::new();
     };
@@ -99,9 +106,23 @@ pub fn refit(on: &Refit<'_>, scanned: Vec<Scanned>) -> Vec<Scanned> {
             on.in_full(s);
         }
     }
-    let is_in = |named: &&Named| on.found.accepted.iter().any(|accepted| accepted.named.effect.id == named.effect.id);
-    refitted.extend(on.events.named.iter().filter(|named| !is_in(named)).map(|named| on.event(named.clone())));
     refitted
+}
+
+impl Scanned {
+    /// Nothing known yet of this law.
+    fn untried(named: Named) -> Self {
+        Scanned {
+            trial: None,
+            on_few: None,
+            score: 0.0,
+            freedom: named.law.parameters().coordinates.len().max(1),
+            p_family: 1.0,
+            axes: Vec::new(),
+            vif: None,
+            named,
+        }
+    }
 }
 
 impl Refit<'_> {
@@ -124,16 +145,18 @@ impl Refit<'_> {
     /// An event that few samples may not hold, on all of them: not from the current model, which it has bent.
     fn event(&self, named: Named) -> Scanned {
         let current = &self.found.trial;
-        let trial = self.events.trimmed.as_ref().and_then(|trimmed| {
-            self.bench.fit_trimmed(&self.with(&named), trimmed, EVENT_ITERATIONS).ok()
-        });
+        let trial = self
+            .events
+            .trimmed
+            .as_ref()
+            .and_then(|trimmed| self.bench.fit_trimmed(&self.with(&named), trimmed, EVENT_ITERATIONS).ok());
         let mut scanned = Scanned::untried(named);
         self.judge(&mut scanned, trial.as_ref(), current);
         // The best of all samples and joints at which it was looked for.
         let looked_at = (self.bench.series().stages() * self.bench.series().joints()) as f64;
         let p = p_of_family(p_of_score(scanned.score / current.inflation, scanned.freedom), looked_at);
         scanned.p_family = self.family.p_of_family(p);
-        tracing::debug!(effect = scanned.named.effect.id, score = scanned.score, cost = trial.as_ref().map(|t| t.cost), possible = trial.as_ref().map(Trial::is_possible), "event");
+        tracing::debug!(effect = scanned.named.effect.id, score = scanned.score, "event");
         scanned.trial = trial.filter(|_| scanned.score > 0.0);
         scanned
     }

@@ -69,22 +69,6 @@ pub struct Scanned {
     pub vif: Option<f64>,
 }
 
-impl Scanned {
-    /// Nothing known yet of this law.
-    pub fn untried(named: Named) -> Self {
-        Scanned {
-            trial: None,
-            on_few: None,
-            score: 0.0,
-            freedom: named.law.parameters().coordinates.len().max(1),
-            p_family: 1.0,
-            axes: Vec::new(),
-            vif: None,
-            named,
-        }
-    }
-}
-
 /// Curves on top of the current model.
 #[derive(Debug, Clone)]
 pub struct CurveFit {
@@ -173,7 +157,8 @@ pub fn search(
         }
         note("scan", scanned.iter().take(12));
         step("refitting the best");
-        let mut refitted = refit(&Refit { few, on_few: &on_few, bench, found: &found, family: &family, events }, scanned);
+        let mut refitted =
+            refit(&Refit { few, on_few: &on_few, bench, found: &found, family: &family, events }, scanned);
         let samples = bench.series().stages();
         refitted.sort_by(|a, b| worth(b, samples).total_cmp(&worth(a, samples)));
         note("refit", refitted.iter());

@@ -183,3 +183,29 @@ fn jump(joint: &JointClues) -> Option<Jump> {
     });
     jumps.filter(|jump| jump.share.is_finite()).max_by(|a, b| a.share.total_cmp(&b.share)).filter(|jump| jump.at > 0)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_jump_of_the_missing_torque_is_found_to_the_sample() {
+        let robot = Robot::builtin("doggy").unwrap();
+        let samples = 4000;
+        let ripple = |k: usize| 0.5 * (k as f64 * 1.3).sin();
+        let joint = |from: usize, torque: f64| JointClues {
+            missing: (0..samples).map(|k| ripple(k) + if k >= from { torque } else { 0.0 }).collect(),
+            k_s: Some(400.0),
+            ..JointClues::default()
+        };
+        let time_s = (0..samples).map(|k| 1e-3 * k as f64).collect();
+        let clues = Clues { time_s, joints: vec![joint(0, 0.0), joint(2500, -6.0), joint(0, 0.0)] };
+        let starts = laws(&robot).unwrap()[0].starts(&clues);
+        assert_eq!(starts.len(), 1, "{starts:?}");
+        let parameters = starts[0].parameters();
+        let values: Vec<f64> = parameters.coordinates.iter().map(|coordinate| coordinate.start).collect();
+        assert_eq!(parameters.results[0].name, "belt_tooth_skip.step[2]");
+        // The ripple's means over a thousand samples and more are below a thousandth of a newton metre.
+        assert!((values[0] + 6.0 / 400.0).abs() < 1e-5 && (values[1] - 2.4995).abs() < 1e-9, "{values:?}");
+    }
+}

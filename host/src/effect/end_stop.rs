@@ -117,7 +117,8 @@ impl Law for StopLaw {
             let Some(of) = clues.joints.get(joint) else { return Vec::new() };
             for (side, stops) in stops.iter_mut().enumerate() {
                 let sign = [-1.0, 1.0][side];
-                let met = contact(of, sign).filter(|met| met.share > LEAST_SHARE && met.k() > STIFF * of.k_s.unwrap_or(0.0));
+                let met =
+                    contact(of, sign).filter(|met| met.share > LEAST_SHARE && met.k() > STIFF * of.k_s.unwrap_or(0.0));
                 tracing::debug!(joint = joint + 1, side, ?met, "stop?");
                 push += met.map_or(0.0, |met| met.push);
                 squares += met.map_or(0.0, |met| met.squares);
@@ -144,8 +145,9 @@ impl StopLaw {
     fn act<T: Quantity>(&self, _hook: Hook, at: &At<'_, T>, load: T) -> T {
         let [q_max, q_min, k] = *at.parameters else { return load };
         let k = k.exp();
-        let push =
-            |depth: T, rate: T| k * depth.ramp(self.corner_rad) * (rate * DAMPING_S_RAD + T::from(1.0)).ramp(CORNER_RATE);
+        let push = |depth: T, rate: T| {
+            k * depth.ramp(self.corner_rad) * (rate * DAMPING_S_RAD + T::from(1.0)).ramp(CORNER_RATE)
+        };
         load + push(at.q - q_max, at.qd) - push(q_min - at.q, -at.qd)
     }
 }
@@ -212,4 +214,38 @@ fn contact(joint: &JointClues, sign: f64) -> Option<Contact> {
         Contact { at: sign * c, push, squares, share: if push > 0.0 { push * push / (squares * all) } else { 0.0 } }
     });
     contacts.filter(|contact| contact.share.is_finite()).max_by(|a, b| a.share.total_cmp(&b.share))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_stop_starts_where_the_missing_torque_pushes_back() {
+        let robot = Robot::builtin("doggy").unwrap();
+        let k = 3000.0;
+        let motion = |k: usize| (0.4 * (2e-3 * k as f64).sin(), 2.0 * 0.4 * (2e-3 * k as f64).cos());
+        let push = |(q, qd): (f64, f64), stop: f64| {
+            if q > stop { -k * (q - stop) * (1.0 + DAMPING_S_RAD * qd).max(0.0) } else { 0.0 }
+        };
+        let joint = |stop: f64| JointClues {
+            q: (0..9000).map(|k| motion(k).0).collect(),
+            qd: (0..9000).map(|k| motion(k).1).collect(),
+            missing: (0..9000).map(|k| push(motion(k), stop) + 0.1 * (k as f64 * 1.3).sin()).collect(),
+            k_s: Some(400.0),
+        };
+        let clues = Clues { time_s: vec![0.0; 9000], joints: vec![joint(0.35), joint(1.0), joint(0.38)] };
+        let starts = laws(&robot).unwrap()[0].starts(&clues);
+        assert_eq!(starts.len(), 1);
+        let parameters = starts[0].parameters();
+        let value = |name: &str| {
+            let place = parameters.results.iter().position(|result| result.name == format!("end_stop.{name}")).unwrap();
+            parameters.coordinates[place].start
+        };
+        // Samples lie up to 0.8 mrad from each other, and the ripple is 1 % of the push.
+        assert!((value("q_max[1]") - 0.35).abs() < 2e-3 && (value("q_max[3]") - 0.38).abs() < 2e-3, "{parameters:?}");
+        assert!((value("k").exp() / k - 1.0).abs() < 0.1, "{parameters:?}");
+        // Never met: not inside of the motion.
+        assert!(value("q_max[2]") > 0.45 && value("q_min[1]") < -0.45 && value("q_min[3]") < -0.45, "{parameters:?}");
+    }
 }

@@ -14,8 +14,7 @@ use std::process::ExitCode;
 use tests::hidden::{Scoreboard, cases, nothing, study};
 use tests::study::Arguments;
 
-const USAGE: &str =
-    "hidden [--seeds N | --nothing N] [--first SEED] [--only small|medium|large] [--effect ID] [--workers N] [--out FILE.jsonl]";
+const USAGE: &str = "hidden [--seeds N | --nothing N] [--first SEED] [--only small|medium|large] [--effect ID] [--workers N] [--out FILE.jsonl]";
 
 fn main() -> ExitCode {
     let (mut seeds, mut clean, mut only, mut effect) = (1_u64, None, None, None);
