@@ -16,6 +16,7 @@ use super::preset::Preset;
 use super::problem::Problem;
 use super::result::Calibration;
 use super::series::Series;
+use super::trimmed::Trimmed;
 use super::{CalibrateError, Fit, identify, observability};
 use crate::model::law::Law;
 use crate::model::{Layout, Model};
@@ -210,6 +211,31 @@ impl<'a> Bench<'a> {
         iterations: usize,
     ) -> Result<Trial, CalibrateError> {
         self.search(laws, &Known { states: &states.states, layout: &states.layout, ..values.known() }, iterations)
+    }
+
+    /// The base model as the greater part of the samples shows it; none where `base` explains all of them, or it is no better.
+    ///
+    /// # Errors
+    /// As a solve's own.
+    pub fn trimmed(&self, base: &Trial) -> Result<Option<Trimmed>, CalibrateError> {
+        let rows = self.series.stages() * self.series.channels.len();
+        if base.cost < 0.5 * FAR * rows as f64 {
+            return Ok(None);
+        }
+        Trimmed::of(self.robot, &self.series, &self.settings)
+    }
+
+    /// Fits the base model with `laws` from what the greater part of the samples shows, instead of another trial.
+    ///
+    /// # Errors
+    /// A model that cannot be built or solved.
+    pub fn fit_trimmed(
+        &self,
+        laws: &[Arc<dyn Law>],
+        from: &Trimmed,
+        iterations: usize,
+    ) -> Result<Trial, CalibrateError> {
+        self.search(laws, &from.known(), iterations)
     }
 
     /// k_pwm U u (or k_t i, or the torque itself) at stage k by the values of a trial, N m or N.

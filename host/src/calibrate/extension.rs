@@ -6,6 +6,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::point::Point;
 use super::start::{self, Shared};
+use super::trimmed::Trimmed;
 use super::{Assumptions, CalibrateError, Fit, Noise, Preset, Problem, Series, observability};
 use crate::effect::{CATALOGUE, Effect, EffectError};
 use crate::model::law::{Form, Law};
@@ -55,15 +56,29 @@ pub(crate) fn laws_of<S: AsRef<str>>(
     chosen.collect()
 }
 
-/// The laws of these effects: of alternatives those that explain the recording best after a few iterations from `from`.
+/// The laws of these effects: of alternatives those that explain the recording best after a few iterations from `from`. Events start from what the
+/// greater part of the recording shows, where that is told beside them.
 pub(super) fn choose_laws(
     robot: &Robot,
     series: &Series,
     effects: &[&'static Effect],
     from: &Fit,
     settings: &Settings,
-) -> Result<Laws, CalibrateError> {
-    let alternatives = effects.iter().map(|effect| effect.laws(robot)).collect::<Result<Vec<_>, _>>()?;
+) -> Result<(Laws, Option<Trimmed>), CalibrateError> {
+    let mut alternatives = effects.iter().map(|effect| effect.laws(robot)).collect::<Result<Vec<_>, _>>()?;
+    let mut trimmed = None;
+    if alternatives.iter().any(|alternatives| alternatives[0].is_event()) {
+        trimmed = Trimmed::of(robot, series, settings)?;
+    }
+    let mut seen = false;
+    for alternatives in &mut alternatives {
+        let starts = trimmed.as_ref().map_or_else(Vec::new, |trimmed| alternatives[0].starts(&trimmed.clues));
+        if !starts.is_empty() {
+            (*alternatives, seen) = (starts, true);
+        }
+    }
+    let trimmed = trimmed.filter(|_| seen);
+    let known = || trimmed.as_ref().map_or_else(|| known(from), Trimmed::known);
     let mut laws: Laws = alternatives.iter().map(|alternatives| alternatives[0].clone()).collect();
     for (place, alternatives) in alternatives.into_iter().enumerate().filter(|(_, all)| all.len() > 1) {
         let iterations = if alternatives.len() > MANY.0 { MANY.1 } else { TRIAL_ITERATIONS };
@@ -76,7 +91,7 @@ pub(super) fn choose_laws(
             let problem = problem(&model, robot, series, from);
             let held = observability::structural(&model, robot, problem.border());
             let held: Vec<_> = held.into_iter().map(|held| held.direction).collect();
-            let start = warm_start(&problem, robot, series, &known(from), &settings);
+            let start = warm_start(&problem, robot, series, &known(), &settings);
             // One that leads the search astray is not the best one.
             let Ok(solution) = levenberg::minimise(&problem, start, &held, &settings, |_, _| {}) else { continue };
             if solution.cost < least {
@@ -85,7 +100,7 @@ pub(super) fn choose_laws(
             }
         }
     }
-    Ok(laws)
+    Ok((laws, trimmed))
 }
 
 /// The preset's assumptions with the integration that the laws want.
@@ -93,11 +108,15 @@ pub(super) fn assumptions(laws: &[Arc<dyn Law>], preset: Preset) -> Assumptions 
     Assumptions { integrator: integrator(laws, preset), ..preset.assumptions() }
 }
 
-/// The problem of an extended model under the noise of `from`, with the integration that the laws want.
+/// The problem of an extended model under the noise of `from`, with the integration that the laws want. What `from` takes an event for is no noise
+/// of anything else: then the preset's.
 pub(super) fn problem<'m>(model: &'m Model, robot: &Robot, series: &'m Series, from: &Fit) -> Problem<'m> {
     let assumptions = assumptions(model.laws(), from.calibration.preset);
     let assumed = Noise::assumed(robot, model, series, &assumptions);
     let mut problem = Problem::new(model, robot, series, assumptions);
+    if model.laws().iter().any(|law| law.is_event()) {
+        return problem;
+    }
     problem.set_noise(from.noise.carried(&from.layout, model.layout(), assumed));
     problem
 }

@@ -18,6 +18,7 @@ use super::reml::{self, Residue};
 use super::result::{Calibration, Seconds, Status};
 use super::search::{self, Found};
 use super::series::Series;
+use super::trimmed::Trimmed;
 use super::{CalibrateError, check, extension, marginal, observability, start, summary};
 use crate::effect::Effect;
 use crate::model::{Layout, Model};
@@ -156,11 +157,16 @@ impl Extended<'_> {
         let screened = Screened::new(Series::of(robot, recordings), preset.assumptions().without_outliers);
         let series = screened.series();
         let clock = Instant::now();
+        let trimmed;
         let (laws, known) = match self.tried {
             Some((trial, _)) => {
                 (trial.laws.clone(), Known { states: &from.states, layout: &from.layout, ..trial.known() })
             }
-            None => (extension::choose_laws(robot, series, &self.effects, from, settings)?, extension::known(from)),
+            None => {
+                let laws;
+                (laws, trimmed) = extension::choose_laws(robot, series, &self.effects, from, settings)?;
+                (laws, trimmed.as_ref().map_or_else(|| extension::known(from), Trimmed::known))
+            }
         };
         let model = Model::extended(robot, laws)?;
         let method = Method { preset, noise: from.calibration.noise_source };

@@ -34,6 +34,7 @@ mod start;
 mod summary;
 #[cfg(test)]
 mod tests;
+mod trimmed;
 mod wide;
 mod windows;
 
@@ -49,6 +50,7 @@ pub use result::{
 };
 pub use scores::Scores;
 pub use series::Series;
+pub use trimmed::Trimmed;
 
 use crate::recording::Recording;
 use crate::robot::{ChannelKind, Robot};

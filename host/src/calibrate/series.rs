@@ -149,6 +149,50 @@ impl Series {
         }
     }
 
+    /// The same stages with a break behind every so many.
+    pub(super) fn in_pieces(&self, stages: usize) -> Series {
+        let mut pieces = self.clone();
+        pieces.segments.clear();
+        for run in &self.segments {
+            let mut start = run.start;
+            while start < run.end {
+                // What would be left behind the last break is too short for a piece of its own.
+                let end = if run.end - start < 2 * stages { run.end } else { start + stages };
+                pieces.duration_s[end - 1] = f64::NAN;
+                pieces.segments.push(start..end);
+                start = end;
+            }
+        }
+        pieces
+    }
+
+    /// The runs for which `keep` says so, by their place, as a series of their own.
+    pub(super) fn only(&self, keep: impl Fn(usize) -> bool) -> Series {
+        let mut part = Series {
+            measured: Vec::new(),
+            input: Vec::new(),
+            duration_s: Vec::new(),
+            time_s: Vec::new(),
+            recordings: Vec::new(),
+            segments: Vec::new(),
+            rest: Vec::new(),
+            channels: self.channels.clone(),
+            ..*self
+        };
+        for (recording, rest) in self.recordings.iter().zip(&self.rest) {
+            let first = part.stages();
+            let runs = self.segments.iter().enumerate().filter(|(_, run)| recording.contains(&run.start));
+            let mut at_rest = 0;
+            for (_, run) in runs.filter(|(place, _)| keep(*place)) {
+                at_rest += run.clone().filter(|k| rest.contains(k)).count();
+                part.take(self, run.clone());
+            }
+            part.recordings.push(first..part.stages());
+            part.rest.push(first..first + at_rest);
+        }
+        part
+    }
+
     /// Random readings around zero for tests: `rest` stages without input, then random input.
     #[cfg(test)]
     pub(super) fn made_up(robot: &Robot, stages: usize, rest: usize) -> Self {

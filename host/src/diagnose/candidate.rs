@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::shapeless::{self, Argument, Knots, Shapeless};
 use crate::calibrate::{Bench, JointState, Trial};
 use crate::effect::{CATALOGUE, Effect, Row};
-use crate::model::law::{Hook, Law};
+use crate::model::law::{Clues, Hook, Law};
 use crate::robot::Robot;
 
 /// An effect of the catalogue that this robot could have.
@@ -15,6 +15,13 @@ pub struct Candidate {
     pub effect: &'static Effect,
     /// Its law from several starts or in several shapes.
     pub alternatives: Vec<Arc<dyn Law>>,
+}
+
+impl Candidate {
+    /// Its law from what the recording shows of events and contacts.
+    pub fn starts(&self, clues: &Clues) -> Vec<Arc<dyn Law>> {
+        self.alternatives.first().filter(|law| law.is_event()).map_or_else(Vec::new, |law| law.starts(clues))
+    }
 }
 
 /// The catalogue for `robot` but for the ids in `without`; and what cannot be tested, with the reason.

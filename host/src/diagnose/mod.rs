@@ -30,6 +30,8 @@ pub use result::{
 pub use search::LEVEL;
 pub use yardstick::yardstick;
 
+use refit::Events;
+
 use crate::calibrate::{Bench, CalibrateError, Method, Preset, extend_as, fit};
 use crate::effect::{Effect, EffectError};
 use crate::model::Model;
@@ -108,7 +110,8 @@ pub fn diagnose(
     let few = FEW_SAMPLES * STATES * STATES / (states * states);
     let ((few, few_base), (bench, trial)) = (bench(few.min(ENOUGH_SAMPLES))?, bench(ENOUGH_SAMPLES)?);
     let (candidates, unsuited) = candidate::catalogue(robot, &options.without);
-    let mut found = search::search((&few, &few_base), (&bench, &trial), &candidates, step)?;
+    let events = Events::of(bench.trimmed(&trial)?, &candidates);
+    let mut found = search::search((&few, &few_base), (&bench, &trial), (&candidates, &events), step)?;
 
     step("calibrating the extended model");
     let extended = loop {

@@ -11,10 +11,11 @@ use std::sync::Arc;
 
 use super::LEVEL;
 use super::axes::{axes, is_of};
+use super::candidate::Candidate;
 use super::scan::Scan;
 use super::search::{Named, Scanned, Search, laws};
-use super::significance::p_of_score;
-use crate::calibrate::{Bench, Trial};
+use super::significance::{p_of_family, p_of_score};
+use crate::calibrate::{Bench, Trial, Trimmed};
 use crate::effect::Effect;
 use crate::model::law::Law;
 
@@ -22,6 +23,8 @@ use crate::model::law::Law;
 const BEST: usize = 4;
 /// Iterations of a law.
 const ITERATIONS: usize = 20;
+/// Of a law of events, which starts anew.
+const EVENT_ITERATIONS: usize = 40;
 /// A law whose score on few samples is less than this share of the best one's, and less by so much, is beaten.
 const NEAR: (f64, f64) = (0.5, 24.0);
 
@@ -37,11 +40,46 @@ pub struct Refit<'a> {
     pub found: &'a Search,
     /// The null of the scan.
     pub family: &'a Scan,
+    /// Laws started from what the recording shows of events and contacts.
+    pub events: &'a Events,
 }
 
-/// Refits the best of a scan and what the best may be taken for. What is beaten on few samples keeps its score there, as many times as there are
-/// more samples.
+/// What a recording shows of events and contacts, and the laws that say so.
+#[derive(Debug, Default)]
+pub struct Events {
+    /// The base model beside them.
+    pub trimmed: Option<Trimmed>,
+    /// Laws, best first.
+    pub named: Vec<Named>,
+}
+
+impl Events {
+    /// Those of the laws of `candidates` that `trimmed` shows.
+    pub fn of(trimmed: Option<Trimmed>, candidates: &[Candidate]) -> Self {
+        let starts = |candidate: &Candidate| {
+            let effect = candidate.effect;
+            let laws = trimmed.as_ref().map_or_else(Vec::new, |trimmed| candidate.starts(&trimmed.clues));
+            laws.into_iter().map(move |law| Named { effect, law })
+        };
+        let named = candidates.iter().flat_map(starts).collect();
+        Events { trimmed, named }
+    }
+
+    fn has(&self, effect: &Effect) -> bool {
+        self.named.iter().any(|named| named.effect.id == effect.id)
+    }
+}
+
+/// Refits the best of a scan and what the best may be taken for, and the laws of events, which the samples of the scan may not hold.
 pub fn refit(on: &Refit<'_>, scanned: Vec<Scanned>) -> Vec<Scanned> {
+    let mut refitted = best_of_scan(on, scanned);
+    let is_in = |named: &&Named| on.found.accepted.iter().any(|accepted| accepted.named.effect.id == named.effect.id);
+    refitted.extend(on.events.named.iter().filter(|named| !is_in(named)).map(|named| on.event(named.clone())));
+    refitted
+}
+
+/// What is beaten on few samples keeps its score there, as many times as there are more samples.
+fn best_of_scan(on: &Refit<'_>, scanned: Vec<Scanned>) -> Vec<Scanned> {
     let Some(best) = scanned.first().filter(|best| best.p_family < LEVEL).map(|best| best.named.effect) else {
         return Vec::new();
     };
@@ -51,7 +89,7 @@ pub fn refit(on: &Refit<'_>, scanned: Vec<Scanned>) -> Vec<Scanned> {
     let mut refitted: Vec<Scanned> = scanned
         .into_iter()
         .enumerate()
-        .filter(|(place, s)| s.p_family < LEVEL && wanted(*place, s))
+        .filter(|(place, s)| s.p_family < LEVEL && wanted(*place, s) && !on.events.has(s.named.effect))
         .map(|(_, s)| on.on_few_samples(s.named))
         .collect();
     let most = refitted.iter().map(|s| s.score).fold(0.0, f64::max);
@@ -71,10 +109,10 @@ pub fn refit(on: &Refit<'_>, scanned: Vec<Scanned>) -> Vec<Scanned> {
     refitted
 }
 
-impl Refit<'_> {
-    fn on_few_samples(&self, named: Named) -> Scanned {
-        let trial = self.few.fit(&self.with(&named), self.on_few, ITERATIONS).ok();
-        let mut scanned = Scanned {
+impl Scanned {
+    /// Nothing known yet of this law.
+    fn untried(named: Named) -> Self {
+        Scanned {
             trial: None,
             on_few: None,
             score: 0.0,
@@ -83,7 +121,14 @@ impl Refit<'_> {
             axes: Vec::new(),
             vif: None,
             named,
-        };
+        }
+    }
+}
+
+impl Refit<'_> {
+    fn on_few_samples(&self, named: Named) -> Scanned {
+        let trial = self.few.fit(&self.with(&named), self.on_few, ITERATIONS).ok();
+        let mut scanned = Scanned::untried(named);
         self.judge(&mut scanned, trial.as_ref(), self.on_few);
         scanned.on_few = trial.filter(|_| scanned.score > 0.0);
         scanned
@@ -95,6 +140,25 @@ impl Refit<'_> {
         let trial = self.bench.fit_from(&self.with(&scanned.named), (from, current), ITERATIONS).ok();
         self.judge(scanned, trial.as_ref(), current);
         scanned.trial = trial.filter(|_| scanned.score > 0.0);
+    }
+
+    /// An event that few samples may not hold, on all of them: not from the current model, which it has bent.
+    fn event(&self, named: Named) -> Scanned {
+        let current = &self.found.trial;
+        let trial = self
+            .events
+            .trimmed
+            .as_ref()
+            .and_then(|trimmed| self.bench.fit_trimmed(&self.with(&named), trimmed, EVENT_ITERATIONS).ok());
+        let mut scanned = Scanned::untried(named);
+        self.judge(&mut scanned, trial.as_ref(), current);
+        // The best of all samples and joints at which it was looked for.
+        let looked_at = (self.bench.series().stages() * self.bench.series().joints()) as f64;
+        let p = p_of_family(p_of_score(scanned.score / current.inflation, scanned.freedom), looked_at);
+        scanned.p_family = self.family.p_of_family(p);
+        tracing::debug!(effect = scanned.named.effect.id, score = scanned.score, "event");
+        scanned.trial = trial.filter(|_| scanned.score > 0.0);
+        scanned
     }
 
     /// The model with one more law.

@@ -12,7 +12,7 @@ use std::sync::Arc;
 
 use super::axes::axes_of_score;
 use super::candidate::{Candidate, Curves, PLACES, Place};
-use super::refit::{Refit, refit};
+use super::refit::{Events, Refit, refit};
 use super::scan::{Scan, Score};
 use super::significance::p_of_score;
 use crate::calibrate::{Bench, CalibrateError, Trial};
@@ -143,7 +143,7 @@ pub fn laws<'a>(named: impl Iterator<Item = &'a Named>) -> Vec<Arc<dyn Law>> {
 pub fn search(
     (few, few_base): (&Bench<'_>, &Trial),
     (bench, base): (&Bench<'_>, &Trial),
-    candidates: &[Candidate],
+    (candidates, events): (&[Candidate], &Events),
     step: &dyn Fn(&str),
 ) -> Result<Search, CalibrateError> {
     let mut found = Search::at(base);
@@ -157,7 +157,8 @@ pub fn search(
         }
         note("scan", scanned.iter().take(12));
         step("refitting the best");
-        let mut refitted = refit(&Refit { few, on_few: &on_few, bench, found: &found, family: &family }, scanned);
+        let mut refitted =
+            refit(&Refit { few, on_few: &on_few, bench, found: &found, family: &family, events }, scanned);
         let samples = bench.series().stages();
         refitted.sort_by(|a, b| worth(b, samples).total_cmp(&worth(a, samples)));
         note("refit", refitted.iter());
@@ -180,7 +181,7 @@ pub fn search(
         let holds = |best: &Scanned| enough(best.score) || enough(with_another(bench, &found, best, &refitted, enough));
         match best {
             Some(best) if found.accepted.len() < MOST_FINDINGS && holds(&best) => {
-                let from = best.on_few.clone().unwrap_or_else(|| found.trial.clone());
+                let from = best.on_few.clone();
                 let (before, refused) = (found.clone(), best.clone());
                 accept(bench, &mut found, best, &refitted)?;
                 if !found.trial.is_possible() {
@@ -188,7 +189,8 @@ pub fn search(
                     found = Search { refused: Some(refused), left: curves, ..before };
                     return Ok(found);
                 }
-                on_few = few.fit(&all_laws(&found), &from, FINAL_ITERATIONS)?;
+                let from = from.as_ref().unwrap_or(&found.trial);
+                on_few = few.fit(&all_laws(&found), from, FINAL_ITERATIONS)?;
             }
             best => {
                 found.refused = best;

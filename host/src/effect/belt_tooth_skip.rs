@@ -9,7 +9,7 @@
 
 use rand::{Rng, RngExt};
 
-use super::surrogate::{At, Hook, Law, Laws, Of, Parameters, Quantity, acts_on_joints, each};
+use super::surrogate::{Arc, At, Clues, Hook, JointClues, Law, Laws, Of, Parameters, Quantity, acts_on_joints, each};
 use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Row, Size, draw};
 use crate::robot::Robot;
 
@@ -36,8 +36,13 @@ pub(super) const EFFECT: Effect = Effect {
 const STEP_RAD: [f64; 3] = [0.015, 0.045, 0.125];
 /// When, whole milliseconds after the start of the motion.
 const TIME_MS: std::ops::Range<u32> = 5000..18_000;
-/// How long the law's jump takes, s.
+/// How long the law's jump takes, s: so long that its time can be fitted, and where that is known already.
 const WIDTH_S: f64 = 2e-3;
+const SHARP_S: f64 = 1e-4;
+/// Share of the missing torque's squares that a jump has to explain to be followed.
+const LEAST_SHARE: f64 = 0.05;
+/// Joints that are followed.
+const MOST_JOINTS: usize = 2;
 /// Steps of the plant end on whole milliseconds but for rounding, s.
 const ROUNDING_S: f64 = 1e-9;
 
@@ -101,6 +106,25 @@ impl Law for SkipLaw {
         &self.parameters
     }
 
+    fn is_event(&self) -> bool {
+        true
+    }
+
+    /// At the largest jump of the missing torque, k_s `step`.
+    fn starts(&self, clues: &Clues) -> Vec<Arc<dyn Law>> {
+        let jumps = clues.joints.iter().enumerate().filter_map(|(joint, of)| Some((joint, of.k_s?, jump(of)?)));
+        let mut jumps: Vec<_> = jumps.filter(|(.., jump)| jump.share > LEAST_SHARE).collect();
+        jumps.sort_by(|(.., a), (.., b)| b.share.total_cmp(&a.share));
+        let law = |(joint, k_s, jump): (usize, f64, Jump)| -> Arc<dyn Law> {
+            // Between the last sample without and the first with it.
+            let time_s = 0.5 * (clues.time_s[jump.at - 1] + clues.time_s[jump.at]);
+            tracing::debug!(joint = joint + 1, time_s, step = jump.height / k_s, share = jump.share, "tooth skip?");
+            let parameters = parameters(self.parameters.cleared(), joint, [jump.height / k_s, time_s]);
+            Arc::new(SkipLaw { parameters, joint, width_s: SHARP_S })
+        };
+        jumps.into_iter().take(MOST_JOINTS).map(law).collect()
+    }
+
     fn hooks(&self) -> &'static [Hook] {
         &[Hook::Transmission]
     }
@@ -124,9 +148,64 @@ fn laws(robot: &Robot) -> Laws {
     let joints = draw::some(EFFECT.id, draw::elastic(robot), draw::NO_BELT)?;
     let starts = joints.iter().flat_map(|&joint| (1..30).map(move |second| (joint, f64::from(second))));
     each(starts.map(|(joint, start_s)| {
-        let mut parameters = Parameters::on(EFFECT.id, robot);
-        parameters.plain("step", "rad", Of::Joint(joint), 0.0);
-        parameters.plain("t", "s", Of::Joint(joint), start_s);
+        let parameters = parameters(Parameters::on(EFFECT.id, robot), joint, [0.0, start_s]);
         SkipLaw { parameters, joint, width_s: WIDTH_S }
     }))
+}
+
+fn parameters(mut parameters: Parameters, joint: usize, [step_rad, time_s]: [f64; 2]) -> Parameters {
+    parameters.plain("step", "rad", Of::Joint(joint), step_rad);
+    parameters.plain("t", "s", Of::Joint(joint), time_s);
+    parameters
+}
+
+/// A jump of the torque that a joint misses.
+#[derive(Debug, Clone, Copy)]
+struct Jump {
+    /// The first sample behind it.
+    at: usize,
+    /// Mean behind it less that before, N m.
+    height: f64,
+    /// Share of the squares that it explains.
+    share: f64,
+}
+
+/// The jump that explains most, by cumulative sums: with means before and behind it, n b / (n + b) · height² of the squares.
+fn jump(joint: &JointClues) -> Option<Jump> {
+    let (count, sum) = (joint.missing.len() as f64, joint.missing.iter().sum::<f64>());
+    let squares = joint.missing.iter().map(|torque| torque * torque).sum::<f64>();
+    let mut before = 0.0;
+    let jumps = joint.missing.iter().enumerate().map(|(at, torque)| {
+        let passed = at as f64;
+        let height = (sum - before) / (count - passed) - before / passed.max(1.0);
+        before += torque;
+        Jump { at, height, share: passed * (count - passed) / count * height * height / squares }
+    });
+    jumps.filter(|jump| jump.share.is_finite()).max_by(|a, b| a.share.total_cmp(&b.share)).filter(|jump| jump.at > 0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_jump_of_the_missing_torque_is_found_to_the_sample() {
+        let robot = Robot::builtin("doggy").unwrap();
+        let samples = 4000;
+        let ripple = |k: usize| 0.5 * (k as f64 * 1.3).sin();
+        let joint = |from: usize, torque: f64| JointClues {
+            missing: (0..samples).map(|k| ripple(k) + if k >= from { torque } else { 0.0 }).collect(),
+            k_s: Some(400.0),
+            ..JointClues::default()
+        };
+        let time_s = (0..samples).map(|k| 1e-3 * k as f64).collect();
+        let clues = Clues { time_s, joints: vec![joint(0, 0.0), joint(2500, -6.0), joint(0, 0.0)] };
+        let starts = laws(&robot).unwrap()[0].starts(&clues);
+        assert_eq!(starts.len(), 1, "{starts:?}");
+        let parameters = starts[0].parameters();
+        let values: Vec<f64> = parameters.coordinates.iter().map(|coordinate| coordinate.start).collect();
+        assert_eq!(parameters.results[0].name, "belt_tooth_skip.step[2]");
+        // The ripple's means over a thousand samples and more are below a thousandth of a newton metre.
+        assert!((values[0] + 6.0 / 400.0).abs() < 1e-5 && (values[1] - 2.4995).abs() < 1e-9, "{values:?}");
+    }
 }

@@ -4,7 +4,7 @@ pub(super) use std::sync::Arc;
 
 pub(super) use crate::acts_on_joints;
 pub(super) use crate::model::Quantity;
-pub(super) use crate::model::law::{At, Hook, Law, Of, Parameters};
+pub(super) use crate::model::law::{At, Clues, Hook, JointClues, Law, Of, Parameters};
 use crate::robot::{Robot, Symbol};
 
 use super::EffectError;

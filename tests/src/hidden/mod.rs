@@ -131,7 +131,8 @@ pub fn outcome(case: &Case) -> Outcome {
 fn compare(case: &Case, found: &Diagnosis, truth: &[(String, f64)], seconds: f64) -> Outcome {
     let estimates = || found.findings.iter().flat_map(|finding| &finding.parameters);
     let error = |(name, truth): &(String, f64)| {
-        let estimate = estimates().find(|parameter| parameter.name == *name)?.estimate;
+        // What nothing shows, as a stop that was never met, is no estimate.
+        let estimate = estimates().find(|parameter| parameter.name == *name && parameter.std_error.is_some())?.estimate;
         (*truth != 0.0).then(|| (name.clone(), estimate / truth - 1.0))
     };
     let place = found.unexplained.places.first();

@@ -8,9 +8,13 @@
 //! u ─Input▶ supply ▶ driving torque ─MotorTorque▶ ─Transmission▶ ─Friction▶ ─LinkLoad▶ (M) q̈, ─MotorInertia▶ b θ̈ ─▶ Gyro, Position
 //! ```
 
+mod clues;
 mod parameters;
 
+pub use clues::{Clues, JointClues};
 pub use parameters::{Form, LawCoordinate, LawResult, Of, Parameters, unit_at};
+
+use std::sync::Arc;
 
 use super::quantity::Quantity;
 use crate::robot::chain::Lanes;
@@ -153,6 +157,16 @@ pub struct PositionAt<'a, T> {
 pub trait Law: std::fmt::Debug + Send + Sync {
     /// What is estimated, and how it is told.
     fn parameters(&self) -> &Parameters;
+
+    /// Whether it is nothing most of the time, so that clues show where to start it.
+    fn is_event(&self) -> bool {
+        false
+    }
+
+    /// The same law started from what a recording shows, best first; none where that shows nothing of it.
+    fn starts(&self, _clues: &Clues) -> Vec<Arc<dyn Law>> {
+        Vec::new()
+    }
 
     // Joints.
 

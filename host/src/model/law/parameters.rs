@@ -125,6 +125,11 @@ impl Parameters {
         Parameters { kinds: robot.joints.iter().map(|joint| joint.kind).collect(), ..Parameters::new(id) }
     }
 
+    /// None yet, of the same effect on the same joints.
+    pub fn cleared(&self) -> Self {
+        Parameters { coordinates: Vec::new(), results: Vec::new(), ..self.clone() }
+    }
+
     fn coordinate(&mut self, of: Of, start: f64) -> usize {
         self.coordinates.push(LawCoordinate { of, start });
         self.coordinates.len() - 1
