@@ -18,7 +18,7 @@ use super::result::Calibration;
 use super::series::Series;
 use super::trimmed::Trimmed;
 use super::{CalibrateError, Fit, identify, observability};
-use crate::model::law::Law;
+use crate::model::law::{Law, LawResult};
 use crate::model::{Layout, Model};
 use crate::robot::{InputUnit, Robot, Symbol};
 use solve::border::Border;
@@ -65,27 +65,14 @@ impl Trial {
     /// Whether every law's parameters are such as a robot can have: within their ranges, but for three standard errors and a twentieth of the
     /// largest of their kind, which what the law leaves of a joint may make.
     pub fn is_possible(&self) -> bool {
-        self.are_possible(self.values.iter().map(|value| (value.name.as_str(), value.estimate, value.std_error)))
+        let values = self.values.iter().map(|value| (value.name.as_str(), value.estimate, value.std_error));
+        impossible(&self.laws, values).is_none()
     }
 
-    /// The same of what a calibration gives this trial's laws.
-    pub fn is_possible_in(&self, calibration: &Calibration) -> bool {
+    /// The first of this trial's laws that a calibration leads where no robot can be.
+    pub fn impossible_in(&self, calibration: &Calibration) -> Option<usize> {
         let results = calibration.parameters.iter();
-        self.are_possible(results.map(|result| (result.name.as_str(), result.estimate, result.std_error)))
-    }
-
-    /// Whether these values (name, estimate, standard error) suit the laws.
-    fn are_possible<'v>(&self, values: impl Iterator<Item = (&'v str, f64, Option<f64>)> + Clone) -> bool {
-        let kind = |name: &str| name.split_once('[').map_or(name, |(kind, _)| kind).to_string();
-        self.laws.iter().flat_map(|law| &law.parameters().results).all(|result| {
-            let Some((_, estimate, std_error)) = values.clone().find(|(name, ..)| *name == result.name) else {
-                return true;
-            };
-            let alike = values.clone().filter(|(name, ..)| kind(name) == kind(&result.name));
-            let largest = alike.map(|(_, estimate, _)| estimate.abs()).fold(0.0, f64::max);
-            let slack = (3.0 * std_error.unwrap_or(0.0)).max(LITTLE * largest);
-            estimate.is_finite() && (result.range[0] - slack..=result.range[1] + slack).contains(&estimate)
-        })
+        impossible(&self.laws, results.map(|result| (result.name.as_str(), result.estimate, result.std_error)))
     }
 
     /// Position and speed of link and motor of a joint at stage k.
@@ -119,6 +106,24 @@ pub struct JointState {
     pub theta: f64,
     /// Motor speed.
     pub thetad: f64,
+}
+
+/// The first of these laws whose values (name, estimate, standard error) no robot can have.
+fn impossible<'v>(
+    laws: &[Arc<dyn Law>],
+    values: impl Iterator<Item = (&'v str, f64, Option<f64>)> + Clone,
+) -> Option<usize> {
+    let kind = |name: &str| name.split_once('[').map_or(name, |(kind, _)| kind).to_string();
+    let suits = |result: &LawResult| {
+        let Some((_, estimate, std_error)) = values.clone().find(|(name, ..)| *name == result.name) else {
+            return true;
+        };
+        let alike = values.clone().filter(|(name, ..)| kind(name) == kind(&result.name));
+        let largest = alike.map(|(_, estimate, _)| estimate.abs()).fold(0.0, f64::max);
+        let slack = (3.0 * std_error.unwrap_or(0.0)).max(LITTLE * largest);
+        estimate.is_finite() && (result.range[0] - slack..=result.range[1] + slack).contains(&estimate)
+    };
+    laws.iter().position(|law| !law.parameters().results.iter().all(suits))
 }
 
 /// Of a kind of parameter, what is little beside the largest.
@@ -370,4 +375,28 @@ fn values(problem: &Problem<'_>, point: &Point<'_>, border: &Border, information
             TrialValue { name: name.to_string(), unit, estimate, std_error, vif }
         })
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effect::Effect;
+
+    #[test]
+    fn the_law_that_no_robot_can_have_is_told_from_the_others() {
+        let robot = Robot::builtin("doggy").unwrap();
+        let law = |id| Effect::by_id(id).unwrap().laws(&robot).unwrap().swap_remove(0);
+        let laws = [law("backlash"), law("belt_hysteresis")];
+        let with = |k1: f64, std_error: f64| {
+            let values = [("backlash.h[1]", 0.004, 1e-5), ("belt_hysteresis.k1[1]", k1, std_error)];
+            impossible(&laws, values.iter().map(|(name, value, error)| (*name, *value, Some(*error))))
+        };
+        // A stiffness may not be negative by more than three standard errors.
+        assert_eq!(with(50.0, 1.0), None);
+        assert_eq!(with(-2.9, 1.0), None);
+        assert_eq!(with(-3.1, 1.0), Some(1));
+        assert_eq!(with(f64::NAN, 1.0), Some(1));
+        let negative = [("backlash.h[1]", -0.004, None), ("belt_hysteresis.k1[1]", -50.0, None)];
+        assert_eq!(impossible(&laws, negative.into_iter()), Some(0));
+    }
 }

@@ -20,7 +20,7 @@ pub struct Series {
     input: Vec<f64>,
     /// Time to the next stage, s; NaN where the chain breaks.
     duration_s: Vec<f64>,
-    /// Since the start of the recording, s.
+    /// Since the start of the whole recording, s.
     time_s: Vec<f64>,
     /// Nominal time between samples, s.
     pub period_s: f64,
@@ -78,7 +78,7 @@ impl Series {
                 let last = k + 1 == segment.end;
                 let step_us = if last { f64::NAN } else { (recording.t_us[k + 1] - recording.t_us[k]) as f64 };
                 self.duration_s.push(step_us * 1e-6);
-                self.time_s.push((recording.t_us[k] - recording.t_us[0]) as f64 * 1e-6);
+                self.time_s.push(recording.motion_time_s(k));
                 at_rest += usize::from(rest.contains(&k));
             }
             self.segments.push(start..self.stages());

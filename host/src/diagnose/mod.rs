@@ -120,12 +120,9 @@ pub fn diagnose(
             break base.clone();
         }
         let extended = extend_as(robot, &[fitted], &base, (&ids, &found.trial, &bench), &options.settings, |_, _| {})?;
-        if found.trial.is_possible_in(&extended.calibration) {
-            break extended;
-        }
-        // The whole recording leads the last one where no robot can be: it stood for something else.
-        tracing::debug!(last = ids.last(), "taken back");
-        found.take_back(&bench)?;
+        // What the whole recording leads where no robot can be stood for something else.
+        let Some(law) = found.trial.impossible_in(&extended.calibration) else { break extended };
+        found.take_back(&bench, law)?;
     };
     step("measuring the gain");
     let gain = if found.accepted.is_empty() {

@@ -362,17 +362,19 @@ impl Search {
         }
     }
 
-    /// Takes back what was accepted last.
+    /// Takes back the cause of this law of [`Search::trial`].
     ///
     /// # Errors
     /// As a calibration's.
-    pub fn take_back(&mut self, bench: &Bench<'_>) -> Result<(), CalibrateError> {
-        if let Some(last) = self.accepted.len().checked_sub(1) {
-            let (trial, lost) = self.without(bench, last)?;
-            self.trial = trial;
-            self.taken_back += lost.max(0.0);
-            self.accepted.pop();
-        }
+    pub fn take_back(&mut self, bench: &Bench<'_>, law: usize) -> Result<(), CalibrateError> {
+        let of_law = |accepted: &Accepted| Arc::ptr_eq(&accepted.named.law, &self.trial.laws[law]);
+        let place = self.accepted.iter().position(of_law).or(self.accepted.len().checked_sub(1));
+        let Some(place) = place else { return Ok(()) };
+        tracing::debug!(effect = self.accepted[place].named.effect.id, "taken back");
+        let (trial, lost) = self.without(bench, place)?;
+        self.trial = trial;
+        self.taken_back += lost.max(0.0);
+        self.accepted.remove(place);
         Ok(())
     }
 

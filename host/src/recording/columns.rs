@@ -25,6 +25,8 @@ pub struct Recording {
     pub period_s: f64,
     /// Device time, unwrapped, strictly rising, µs.
     pub t_us: Vec<u64>,
+    /// Device time of the first sample of the recording that this is a part of; `None` of a whole one.
+    pub part_of_us: Option<u64>,
     /// Number of the tick, unwrapped, strictly rising.
     pub seq: Vec<u64>,
     /// `[joint][k]`: input in force from t_k to t_{k+1}, in the unit of the robot's input (duty −1 … 1, say).
@@ -93,6 +95,11 @@ impl Recording {
         (self.t_us[k] - self.t_us[0]) as f64 * 1e-6
     }
 
+    /// Time of sample k after the first one of the whole recording, s: what changes as a motion goes on, as warm-up does, counts from there.
+    pub fn motion_time_s(&self, k: usize) -> f64 {
+        (self.t_us[k] - self.part_of_us.unwrap_or(self.t_us[0])) as f64 * 1e-6
+    }
+
     /// Time from the first to the last sample, s.
     pub fn duration_s(&self) -> f64 {
         self.len().checked_sub(1).map_or(0.0, |last| self.time_s(last))
@@ -152,6 +159,7 @@ impl Recording {
         let cut = |column: &Vec<f64>| column[range.clone()].to_vec();
         Self {
             t_us: self.t_us[range.clone()].to_vec(),
+            part_of_us: self.part_of_us.or(self.t_us.first().copied()),
             seq: self.seq[range.clone()].to_vec(),
             duty: self.duty.iter().map(cut).collect(),
             channels: self
@@ -184,5 +192,19 @@ impl Recording {
             firmware: self.firmware.clone(),
             imported_from: self.imported_from.clone(),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::fixture::plain;
+
+    #[test]
+    fn a_part_of_a_part_keeps_the_time_of_the_whole() {
+        let part = plain(50).part(10..40).part(5..20);
+        assert_eq!(part.len(), 15);
+        assert_eq!(part.time_s(0), 0.0);
+        // Samples are 1 ms apart; atol 1 ns, what a product with 1e-6 rounds.
+        assert!((part.motion_time_s(0) - 0.015).abs() < 1e-9 && (part.motion_time_s(14) - 0.029).abs() < 1e-9);
     }
 }

@@ -125,6 +125,7 @@ impl Recorder {
             imported_from: session.imported_from,
             period_s: session.robot.sample_period_s,
             t_us: Vec::new(),
+            part_of_us: None,
             seq: Vec::new(),
             duty: vec![Vec::new(); joints],
             phase: Vec::new(),

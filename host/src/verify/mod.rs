@@ -134,7 +134,7 @@ pub fn predict(
     step: impl Fn(&'static str),
 ) -> Result<(Verification, Traces), VerifyError> {
     check(model, recording)?;
-    let t_s: Vec<f64> = (0..recording.len()).map(|k| recording.time_s(k)).collect();
+    let t_s: Vec<f64> = (0..recording.len()).map(|k| recording.motion_time_s(k)).collect();
     let duty = model.inputs_as_they_act(&recording.duty, &recording.segments());
     let columns = columns(recording, &t_s, &duty);
     let system = model.system();
@@ -210,7 +210,7 @@ pub fn predict(
 /// [`VerifyError`].
 pub fn windows(model: &CalibratedModel, recording: &Recording) -> Result<Vec<window::Windows>, VerifyError> {
     check(model, recording)?;
-    let t_s: Vec<f64> = (0..recording.len()).map(|k| recording.time_s(k)).collect();
+    let t_s: Vec<f64> = (0..recording.len()).map(|k| recording.motion_time_s(k)).collect();
     let duty = model.inputs_as_they_act(&recording.duty, &recording.segments());
     let columns = columns(recording, &t_s, &duty);
     let system = model.system();
