@@ -17,6 +17,9 @@ const SPEED_HALF_WINDOWS: [usize; 3] = [32, 12, 4];
 /// Readings agree with a line that they miss by as many sigmas, root mean square.
 const AGREES_SIGMAS: f64 = 1.5;
 
+/// Samples whose sums count from one of them: from the first of a long run on, rounding would eat the small windows.
+const RUN_OF_SUMS: usize = 256;
+
 /// Time constant of the leak that keeps the integral of q̇ − θ̇ from drifting, s. Belts swing at some Hz: slower than that.
 const LEAK_S: f64 = 0.3;
 
@@ -118,9 +121,10 @@ fn fill_run(model: &Model, series: &Series, run: std::ops::Range<usize>, point: 
         (0..n).map(|j| channels[j].or(other[j]).map_or_else(zeros, |c| column(series, run.clone(), c))).collect()
     };
     let theta = columns(&motor, &link);
+    let times = times(series, run.clone());
     let speeds = |values: &[Vec<f64>], channels: &[Option<usize>], other: &[Option<usize>]| -> Vec<Vec<f64>> {
         let sigma = |j: usize| channels[j].or(other[j]).map_or(0.0, |c| series.channels[c].sigma);
-        values.iter().enumerate().map(|(j, values)| speeds(series, run.clone(), values, sigma(j))).collect()
+        values.iter().enumerate().map(|(j, values)| speeds(&times, values, sigma(j))).collect()
     };
     let thetad = speeds(&theta, &motor, &link);
     let mut measured_q = columns(&link, &motor);
@@ -244,36 +248,73 @@ fn column(series: &Series, run: std::ops::Range<usize>, channel: usize) -> Vec<f
     .collect()
 }
 
-/// Slopes of regression lines over windows that shrink at the ends of the run; `sigma` is that of a reading.
-fn speeds(series: &Series, run: std::ops::Range<usize>, values: &[f64], sigma: f64) -> Vec<f64> {
-    // Sums of t, v, t², tv and v² of all readings before one: a window's are a difference, however wide it is.
-    let mut sums = Vec::with_capacity(values.len() + 1);
-    let mut sum = [0.0; 5];
-    let mut t = 0.0;
-    sums.push(sum);
-    for (k, v) in run.zip(values) {
-        for (sum, term) in sum.iter_mut().zip([t, *v, t * t, t * v, v * v]) {
-            *sum += term;
-        }
-        sums.push(sum);
+/// Time of every sample of a run since its first one, s.
+fn times(series: &Series, run: std::ops::Range<usize>) -> Vec<f64> {
+    let next = |t: &mut f64, k| {
+        let this = *t;
         let step_s = series.duration_s(k);
-        t += if step_s.is_nan() { 0.0 } else { step_s };
-    }
-    let last = values.len() - 1;
-    // The slope, and the mean square that the line misses by.
-    let line = |i: usize, half: usize| {
-        let half = half.min(last);
-        let (from, to) = (i.saturating_sub(half), (i + half).min(last));
-        let count = (to - from + 1) as f64;
-        let [t, v, tt, tv, vv] = std::array::from_fn(|j| (sums[to + 1][j] - sums[from][j]) / count);
-        let (above, below) = (tv - t * v, tt - t * t);
-        let slope = if below > 0.0 { above / below } else { 0.0 };
-        (slope, vv - v * v - slope * above)
+        *t += if step_s.is_nan() { 0.0 } else { step_s };
+        Some(this)
     };
+    run.scan(0.0, next).collect()
+}
+
+/// Slopes of regression lines over windows that shrink at the ends of the run; `sigma` is that of a reading.
+fn speeds(times: &[f64], values: &[f64], sigma: f64) -> Vec<f64> {
+    const WIDEST: usize = SPEED_HALF_WINDOWS[0];
     let allowed = (AGREES_SIGMAS * sigma).powi(2);
-    let speed = |i: usize| {
-        let lines = SPEED_HALF_WINDOWS.map(|half| line(i, half));
-        lines.into_iter().find(|(_, missed)| *missed <= allowed).unwrap_or(lines[lines.len() - 1]).0
-    };
-    (0..values.len()).map(speed).collect()
+    let mut speeds = Vec::with_capacity(values.len());
+    let mut sums = Vec::with_capacity(RUN_OF_SUMS + 2 * WIDEST + 1);
+    for first in (0..values.len()).step_by(RUN_OF_SUMS) {
+        let end = (first + RUN_OF_SUMS).min(values.len());
+        let (begin, behind) = (first.saturating_sub(WIDEST), (end + WIDEST).min(values.len()));
+        // Sums of t, v, t², tv and v² of all readings before one, from here: a window's are a difference, however wide it is.
+        let mut sum = [0.0; 5];
+        sums.clear();
+        sums.push(sum);
+        for (t, v) in times[begin..behind].iter().zip(&values[begin..behind]) {
+            let (t, v) = (t - times[begin], v - values[begin]);
+            for (sum, term) in sum.iter_mut().zip([t, v, t * t, t * v, v * v]) {
+                *sum += term;
+            }
+            sums.push(sum);
+        }
+        // The slope, and the mean square that the line misses by.
+        let line = |i: usize, half: usize| {
+            let (from, to) = (i.saturating_sub(half).max(begin), (i + half + 1).min(behind));
+            let count = (to - from) as f64;
+            let [t, v, tt, tv, vv] = std::array::from_fn(|j| (sums[to - begin][j] - sums[from - begin][j]) / count);
+            let (above, below) = (tv - t * v, tt - t * t);
+            let slope = if below > 0.0 { above / below } else { 0.0 };
+            (slope, vv - v * v - slope * above)
+        };
+        speeds.extend((first..end).map(|i| {
+            let lines = SPEED_HALF_WINDOWS.map(|half| line(i, half));
+            lines.into_iter().find(|(_, missed)| *missed <= allowed).unwrap_or(lines[lines.len() - 1]).0
+        }));
+    }
+    speeds
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// After a quarter of an hour at 1 kHz a speed is known as well as in the first second: the readings of one swing, again and again.
+    #[test]
+    fn speeds_do_not_wear_out_with_time() {
+        let (swing, samples) = (500, 1_000_000);
+        let times: Vec<f64> = (0..samples).map(|k| 1e-3 * k as f64).collect();
+        let values: Vec<f64> =
+            (0..samples).map(|k| 0.3 * (std::f64::consts::TAU * (k % swing) as f64 / swing as f64).sin()).collect();
+        let speeds = speeds(&times, &values, 7e-5);
+        let (early, late) = (&speeds[2 * swing..3 * swing], &speeds[samples - 2 * swing..samples - swing]);
+        for (early, late) in early.iter().zip(late) {
+            // atol: nanoradians a window of 9 ms; sums from the first sample on left thousands of rad/s.
+            assert!((early - late).abs() < 1e-7, "{early} rad/s early, {late} rad/s late");
+        }
+        let fastest = speeds.iter().fold(0.0f64, |most, v| most.max(v.abs()));
+        // 0.3 rad at 2 Hz, of which a line over 25 ms takes 0.25 %.
+        assert!((fastest / (0.3 * std::f64::consts::TAU * 2.0) - 1.0).abs() < 4e-3, "{fastest} rad/s");
+    }
 }
