@@ -18,7 +18,7 @@ use solve::levenberg::Settings;
 
 /// The robot: its true parameters are drawn from this seed.
 const SEED: u64 = 1;
-/// Stiffness of the bearing about x and y, N m/rad; the least is toppled by the robot's own weight already at 92.
+/// Stiffness of the bearing about x and y, N m/rad; at 92 the robot's own weight would topple it.
 pub const STIFFNESS: [f64; 8] = [1_000.0, 2_000.0, 4_000.0, 7_000.0, 12_000.0, 20_000.0, 50_000.0, 200_000.0];
 
 /// A robot on a bearing of this stiffness.

@@ -17,7 +17,7 @@ use super::problem::Problem;
 use super::result::Calibration;
 use super::series::Series;
 use super::trimmed::Trimmed;
-use super::{CalibrateError, Fit, identify, observability};
+use super::{CalibrateError, Fit, equilibrium, identify, observability};
 use crate::model::law::{Law, LawResult};
 use crate::model::{Layout, Model};
 use crate::robot::{InputUnit, Robot, Symbol};
@@ -230,17 +230,19 @@ impl<'a> Bench<'a> {
         Trimmed::of(self.robot, &self.series, &self.settings)
     }
 
-    /// Fits the base model with `laws` from what the greater part of the samples shows, instead of another trial.
+    /// Fits the base model with `laws` from what the greater part of the samples shows; what that does not know is as at the end of another trial.
     ///
     /// # Errors
     /// A model that cannot be built or solved.
     pub fn fit_trimmed(
         &self,
         laws: &[Arc<dyn Law>],
-        from: &Trimmed,
+        (from, other): (&Trimmed, &Trial),
         iterations: usize,
     ) -> Result<Trial, CalibrateError> {
-        self.search(laws, &from.known(), iterations)
+        let trimmed = from.known();
+        let value = |name: &str| (trimmed.value)(name).or_else(|| other.value(name).map(|value| value.estimate));
+        self.search(laws, &Known { value: Box::new(value), ..from.known() }, iterations)
     }
 
     /// k_pwm U u (or k_t i, or the torque itself) at stage k by the values of a trial, N m or N.
@@ -302,12 +304,15 @@ impl<'a> Bench<'a> {
     fn search(&self, laws: &[Arc<dyn Law>], from: &Known<'_>, iterations: usize) -> Result<Trial, CalibrateError> {
         let model = Model::extended(self.robot, laws.to_vec())?;
         let (mut problem, start, held) = self.at(&model, from);
+        let start = equilibrium::settled(&problem, start, &self.settings);
         let start = self.eased(&mut problem, start, &held);
         let settings = Settings { max_iterations: iterations, ..self.settings.clone() };
         let solution = levenberg::minimise(&problem, start, &held, &settings, |i, iteration| {
             tracing::trace!(i, cost = iteration.cost, damping = iteration.damping, trials = iteration.trials, "bench");
         })?;
-        let border = Border::new(&solution.information, &solution.gradient, &held);
+        let mut border = Border::new(&solution.information, &solution.gradient, &held);
+        // A stop that is never met shows nothing of itself, and should not hide what the others show.
+        border.hold_undetermined();
         let point = solution.point;
         let values = values(&problem, &point, &border, &solution.information);
         let inflation = inflation(&problem, &point);

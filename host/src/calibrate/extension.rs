@@ -51,7 +51,8 @@ pub(crate) fn laws_of<S: AsRef<str>>(
     let chosen = effects(ids)?.into_iter().map(|effect| {
         let mut alternatives = effect.laws(robot)?;
         let place = alternatives.iter().position(suits).unwrap_or(0);
-        Ok(alternatives.swap_remove(place))
+        let law = alternatives.swap_remove(place);
+        Ok(law.settled().unwrap_or(law))
     });
     chosen.collect()
 }
@@ -67,7 +68,8 @@ pub(super) fn choose_laws(
 ) -> Result<(Laws, Option<Trimmed>), CalibrateError> {
     let mut alternatives = effects.iter().map(|effect| effect.laws(robot)).collect::<Result<Vec<_>, _>>()?;
     let mut trimmed = None;
-    if alternatives.iter().any(|alternatives| alternatives[0].is_event()) {
+    // What several recordings show follows on no single clock.
+    if alternatives.iter().any(|alternatives| alternatives[0].is_event()) && series.recordings.len() == 1 {
         trimmed = Trimmed::of(robot, series, settings)?;
     }
     let mut seen = false;
@@ -100,7 +102,8 @@ pub(super) fn choose_laws(
             }
         }
     }
-    Ok((laws, trimmed))
+    let settled = laws.into_iter().map(|law| law.settled().unwrap_or(law));
+    Ok((settled.collect(), trimmed))
 }
 
 /// The preset's assumptions with the integration that the laws want.

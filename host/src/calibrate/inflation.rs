@@ -26,11 +26,11 @@ pub(super) fn inflation<'m>(problem: &Problem<'m>, point: &Point<'m>) -> f64 {
     let mut channels = vec![[Ratio::default(); BLOCKS.len()]; problem.series.channels.len()];
     let mut scratch = problem.scratch();
     for k in 0..problem.series.stages() {
-        if problem.series.rest.iter().any(|rest| rest.contains(&k)) {
-            continue;
-        }
         if problem.series.starts_run(k) {
             channels.iter_mut().flatten().for_each(Ratio::begin);
+        }
+        if problem.series.rest.iter().any(|rest| rest.contains(&k)) {
+            continue;
         }
         problem.sensor_rows(point, k, &mut scratch, false, &mut |row| {
             let Some(channel) = row.channel else { return };

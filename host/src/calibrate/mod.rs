@@ -7,9 +7,10 @@
 
 mod bench;
 mod chained;
+pub(crate) mod equilibrium;
 #[cfg(test)]
 mod extended_tests;
-pub(crate) mod extension;
+pub mod extension;
 mod fit;
 pub mod foresight;
 mod identify;

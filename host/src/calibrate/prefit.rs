@@ -6,6 +6,7 @@
 //! An iteration on the excerpt costs a sixth of one. Where the excerpt leaves a direction open that the whole tells, nothing is taken
 //! from it.
 
+use super::equilibrium;
 use super::identify;
 use super::observability::Held;
 use super::point::Point;
@@ -62,7 +63,8 @@ impl<'a, 'm: 'a> Part<'a, 'm> {
         let (part, whole) = (&self.problem, self.whole);
         let held: Vec<_> = structural.iter().chain(weak).map(|held| held.direction.clone()).collect();
         let settings = Settings { relative_cost_change: settings.relative_cost_change.max(ROUGH), ..settings.clone() };
-        let found = levenberg::minimise(part, self.with_states(start), &held, &settings, |_, _| {}).ok()?;
+        let from = equilibrium::settled(part, self.with_states(start), &settings);
+        let found = levenberg::minimise(part, from, &held, &settings, |_, _| {}).ok()?;
         let samples = part.series.stages();
         tracing::debug!(samples, iterations = found.iterations.len(), status = ?found.status, "excerpt");
         let ended = !matches!(found.status, Status::NoProgress);

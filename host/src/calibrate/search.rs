@@ -1,5 +1,6 @@
 //! The search for the estimate, with what the motion cannot tell held.
 
+use super::equilibrium;
 use super::identify;
 use super::observability::Held;
 use super::point::Point;
@@ -46,7 +47,7 @@ pub(super) fn search<'m>(
         _ => identify::judge(problem, robot, start, structural, settings.threads)?.weak,
     };
     let from = part.and_then(|part| part.point(start, structural, &weak, settings));
-    let from = from.unwrap_or_else(|| start.clone());
+    let from = equilibrium::settled(problem, from.unwrap_or_else(|| start.clone()), settings);
     settle(problem, robot, (start, from), (structural, weak), settings, progress)
 }
 

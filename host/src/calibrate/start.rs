@@ -26,6 +26,10 @@ const LEAK_S: f64 = 0.3;
 /// Where no gyro sees a joint its q̇ is taken as θ̇, give or take this much, rad/s.
 const SPEED_PRIOR: f64 = 10.0;
 
+/// That of a passive joint is zero, give or take this much, rad/s. A gyro that sees it swing tells ten times better than this; one that sees
+/// the sum of its speed and a driven joint's does not, and then it is the driven joint's.
+const PASSIVE_SPEED_PRIOR: f64 = 0.1;
+
 /// The start of the search: shared unknowns from the description.
 pub(super) fn start<'m>(model: &'m Model, robot: &Robot, series: &Series) -> Point<'m> {
     with_states(model, series, shared(model, robot, series))
@@ -143,8 +147,8 @@ fn fill_run(model: &Model, series: &Series, run: std::ops::Range<usize>, point: 
             q_k[layout.q(j)] = measured_q[j][i];
             qd[layout.q(j)] = measured_qd[j][i];
         }
-        for (joint, tilt) in passive.iter().zip(&tilt) {
-            q_k[*joint] = *tilt;
+        // Speeds are those of passive joints at rest: where their positions count, small errors of both feed one another.
+        for joint in &passive {
             qd[*joint] = 0.0;
         }
         link_speeds(model, series, k, &q_k, point, &mut qd);
@@ -191,7 +195,10 @@ fn link_speeds(model: &Model, series: &Series, k: usize, q: &[f64], point: &Poin
     let mut normal = [[0.0; MAX_JOINTS]; MAX_JOINTS];
     let mut right = [0.0; MAX_JOINTS];
     for (i, row) in normal.iter_mut().enumerate() {
-        row[i] = 1.0 / (SPEED_PRIOR * SPEED_PRIOR);
+        row[i] = SPEED_PRIOR.powi(-2);
+    }
+    for joint in model.layout().passive() {
+        normal[joint][joint] = PASSIVE_SPEED_PRIOR.powi(-2);
     }
     let measured = series.measured(k);
     let biases = &point.biases[series.recording_of(k)];

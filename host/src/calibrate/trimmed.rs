@@ -17,7 +17,7 @@ use super::extension::Known;
 use super::point::Point;
 use super::preset::Preset;
 use super::problem::Problem;
-use super::series::Series;
+use super::series::{SHORTEST_RUN, Series};
 use super::start::{self, Shared};
 use super::{CalibrateError, observability};
 use crate::model::law::{Clues, JointClues};
@@ -60,7 +60,7 @@ impl Trimmed {
     /// As a solve's own.
     pub(super) fn of(robot: &Robot, series: &Series, settings: &Settings) -> Result<Option<Self>, CalibrateError> {
         let model = Model::new(robot);
-        let length = (PIECE_S / series.median_period_s()).max(2.0) as usize;
+        let length = ((PIECE_S / series.median_period_s()) as usize).max(SHORTEST_RUN);
         let pieces = series.in_pieces(length);
         let moves =
             |place: usize| pieces.segments[place].clone().any(|k| pieces.input(k).iter().any(|input| *input != 0.0));
@@ -89,7 +89,13 @@ impl Trimmed {
         let Some((_, shared)) = best.filter(|(explained, _)| *explained as f64 >= LEAST * count as f64) else {
             return Ok(None);
         };
-        let (clues, states) = trim.clues(series, &shared)?;
+        let (clues, states) = match trim.clues(series, &shared) {
+            Ok(found) => found,
+            Err(error) => {
+                tracing::debug!(%error, "no clues");
+                return Ok(None);
+            }
+        };
         let names = model.coordinates().names().map(|(name, _)| name.to_string());
         let values = names.zip(model.coordinates().to_physical(&shared.z)).collect();
         let layout = model.layout().clone();

@@ -4,6 +4,8 @@
 //! scan ─▶ the best four and their alias class ─▶ on few samples, to the end ─▶ those near the best ─▶ on the samples that decide
 //! ```
 //!
+//! Laws of events start from what the recording shows of them ([`Events`]) and come first: few samples may not hold the event.
+//!
 //! A scan is a tangent; where an effect is large the fit ends far from it, and in another order. Most laws are beaten clearly on few samples
 //! already, at a third of the cost.
 
@@ -64,17 +66,18 @@ impl Events {
         let named = candidates.iter().flat_map(starts).collect();
         Events { trimmed, named }
     }
-
-    fn has(&self, effect: &Effect) -> bool {
-        self.named.iter().any(|named| named.effect.id == effect.id)
-    }
 }
 
 /// Refits the best of a scan and what the best may be taken for, and the laws of events, which the samples of the scan may not hold.
 pub fn refit(on: &Refit<'_>, scanned: Vec<Scanned>) -> Vec<Scanned> {
-    let mut refitted = best_of_scan(on, scanned);
     let is_in = |named: &&Named| on.found.accepted.iter().any(|accepted| accepted.named.effect.id == named.effect.id);
-    refitted.extend(on.events.named.iter().filter(|named| !is_in(named)).map(|named| on.event(named.clone())));
+    let mut refitted: Vec<Scanned> =
+        on.events.named.iter().filter(|named| !is_in(named)).map(|named| on.event(named.clone())).collect();
+    // One that led nowhere from there may still be found as any other law is.
+    refitted.retain(|event| event.score > 0.0);
+    let others =
+        scanned.into_iter().filter(|s| refitted.iter().all(|event| event.named.effect.id != s.named.effect.id));
+    refitted.extend(best_of_scan(on, others.collect()));
     refitted
 }
 
@@ -83,15 +86,16 @@ fn best_of_scan(on: &Refit<'_>, scanned: Vec<Scanned>) -> Vec<Scanned> {
     let Some(best) = scanned.first().filter(|best| best.p_family < LEVEL).map(|best| best.named.effect) else {
         return Vec::new();
     };
-    let alike =
-        |effect: &Effect| best.confounded_with.contains(&effect.id) || effect.confounded_with.contains(&best.id);
-    let wanted = |place: usize, s: &Scanned| place < BEST || alike(s.named.effect);
-    let mut refitted: Vec<Scanned> = scanned
-        .into_iter()
-        .enumerate()
-        .filter(|(place, s)| s.p_family < LEVEL && wanted(*place, s) && !on.events.has(s.named.effect))
-        .map(|(_, s)| on.on_few_samples(s.named))
-        .collect();
+    let wanted = |place: usize, s: &Scanned| place < BEST || are_alike(best, s.named.effect);
+    let found = scanned.into_iter().filter(|s| s.p_family < LEVEL).enumerate();
+    let (first, others): (Vec<_>, Vec<_>) = found.partition(|(place, s)| wanted(*place, s));
+    let try_on_few = |(_, s): (usize, Scanned)| on.on_few_samples(s.named);
+    let mut refitted: Vec<Scanned> = first.into_iter().map(try_on_few).collect();
+    // A fit may end far from the tangent: what the best may be taken for then is tried too.
+    if let Some(best) = refitted.iter().max_by(|a, b| a.score.total_cmp(&b.score)).map(|best| best.named.effect) {
+        let alike = others.into_iter().filter(|(_, s)| are_alike(best, s.named.effect));
+        refitted.extend(alike.map(try_on_few).collect::<Vec<_>>());
+    }
     let most = refitted.iter().map(|s| s.score).fold(0.0, f64::max);
     let more = on.bench.series().stages() as f64 / on.few.series().stages().max(1) as f64;
     for s in &mut refitted {
@@ -107,6 +111,11 @@ fn best_of_scan(on: &Refit<'_>, scanned: Vec<Scanned>) -> Vec<Scanned> {
         }
     }
     refitted
+}
+
+/// Whether one may be taken for the other.
+fn are_alike(a: &Effect, b: &Effect) -> bool {
+    a.confounded_with.contains(&b.id) || b.confounded_with.contains(&a.id)
 }
 
 impl Scanned {
@@ -145,11 +154,10 @@ impl Refit<'_> {
     /// An event that few samples may not hold, on all of them: not from the current model, which it has bent.
     fn event(&self, named: Named) -> Scanned {
         let current = &self.found.trial;
-        let trial = self
-            .events
-            .trimmed
-            .as_ref()
-            .and_then(|trimmed| self.bench.fit_trimmed(&self.with(&named), trimmed, EVENT_ITERATIONS).ok());
+        let trial =
+            self.events.trimmed.as_ref().and_then(|trimmed| {
+                self.bench.fit_trimmed(&self.with(&named), (trimmed, current), EVENT_ITERATIONS).ok()
+            });
         let mut scanned = Scanned::untried(named);
         self.judge(&mut scanned, trial.as_ref(), current);
         // The best of all samples and joints at which it was looked for.

@@ -36,9 +36,9 @@ pub(super) const EFFECT: Effect = Effect {
 const STEP_RAD: [f64; 3] = [0.015, 0.045, 0.125];
 /// When, whole milliseconds after the start of the motion.
 const TIME_MS: std::ops::Range<u32> = 5000..18_000;
-/// How long the law's jump takes, s: so long that its time can be fitted, and where that is known already.
+/// How long the law's jump takes: so long that its time can be fitted, s, and once it is known to a sample, periods of sampling.
 const WIDTH_S: f64 = 2e-3;
-const SHARP_S: f64 = 1e-4;
+const SHARP_PERIODS: f64 = 0.1;
 /// Share of the missing torque's squares that a jump has to explain to be followed.
 const LEAST_SHARE: f64 = 0.05;
 /// Joints that are followed.
@@ -92,13 +92,14 @@ pub(crate) fn skip(joint: usize, step_rad: f64, time_s: f64) -> Hidden {
     Hidden { id: EFFECT.id, values, physics: Box::new(BeltToothSkip { joint, step_rad, time_s }) }
 }
 
-/// The jump takes some milliseconds, so that its time can be fitted; one jump on one joint.
+/// One jump on one joint.
 #[derive(Debug)]
 struct SkipLaw {
     parameters: Parameters,
     joint: usize,
-    /// How long the jump takes, s.
+    /// How long the jump takes, s, and once its time is known.
     width_s: f64,
+    sharp_s: f64,
 }
 
 impl Law for SkipLaw {
@@ -120,9 +121,17 @@ impl Law for SkipLaw {
             let time_s = 0.5 * (clues.time_s[jump.at - 1] + clues.time_s[jump.at]);
             tracing::debug!(joint = joint + 1, time_s, step = jump.height / k_s, share = jump.share, "tooth skip?");
             let parameters = parameters(self.parameters.cleared(), joint, [jump.height / k_s, time_s]);
-            Arc::new(SkipLaw { parameters, joint, width_s: SHARP_S })
+            Arc::new(SkipLaw { parameters, joint, width_s: self.sharp_s, sharp_s: self.sharp_s })
         };
         jumps.into_iter().take(MOST_JOINTS).map(law).collect()
+    }
+
+    fn settled(&self) -> Option<Arc<dyn Law>> {
+        let SkipLaw { joint, sharp_s, .. } = *self;
+        let law = || -> Arc<dyn Law> {
+            Arc::new(SkipLaw { parameters: self.parameters.clone(), joint, width_s: sharp_s, sharp_s })
+        };
+        (self.width_s > sharp_s).then(law)
     }
 
     fn hooks(&self) -> &'static [Hook] {
@@ -149,7 +158,7 @@ fn laws(robot: &Robot) -> Laws {
     let starts = joints.iter().flat_map(|&joint| (1..30).map(move |second| (joint, f64::from(second))));
     each(starts.map(|(joint, start_s)| {
         let parameters = parameters(Parameters::on(EFFECT.id, robot), joint, [0.0, start_s]);
-        SkipLaw { parameters, joint, width_s: WIDTH_S }
+        SkipLaw { parameters, joint, width_s: WIDTH_S, sharp_s: SHARP_PERIODS * robot.sample_period_s }
     }))
 }
 

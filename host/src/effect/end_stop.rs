@@ -134,6 +134,14 @@ impl Law for StopLaw {
         vec![Arc::new(StopLaw { parameters, joints, corner_rad: SHARP_RAD })]
     }
 
+    fn settled(&self) -> Option<Arc<dyn Law>> {
+        let law = || -> Arc<dyn Law> {
+            let (parameters, joints) = (self.parameters.clone(), self.joints.clone());
+            Arc::new(StopLaw { parameters, joints, corner_rad: SHARP_RAD })
+        };
+        (self.corner_rad > SHARP_RAD).then(law)
+    }
+
     fn hooks(&self) -> &'static [Hook] {
         &[Hook::LinkLoad]
     }

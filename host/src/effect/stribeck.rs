@@ -120,7 +120,8 @@ const SPEEDS_RAD_S: [f64; 9] = [0.08, 0.06, 0.045, 0.034, 0.025, 0.107, 0.143, 0
 /// How far the law's bristles bend, rad (a carriage's: a tenth of it in m): some counts of an encoder would hide it. Stiffer ones make a search by
 /// linearisation take small steps.
 const LAW_BENDING_RAD: f64 = 2e-4;
-/// They settle no faster, 1/s: an explicit step of a millisecond carries them.
+/// They settle no faster, shares of a sampling period, nor 1/s: an explicit step of a period carries them.
+const LAW_FASTEST_STEPS: f64 = 1.0;
 const LAW_FASTEST_PER_S: f64 = 1e3;
 /// A step of their share may be wrong by this.
 const SIGMA: f64 = 1e-3;
@@ -140,6 +141,8 @@ struct StribeckLaw {
     speed: f64,
     /// z₀, rad.
     bending: f64,
+    /// c, 1/s.
+    fastest: f64,
 }
 
 impl Law for StribeckLaw {
@@ -172,7 +175,7 @@ impl StribeckLaw {
             let carried = if dmu.re() < 0.0 { falling * at.friction_sign } else { at.own };
             return quantity + dmu * carried;
         }
-        let settling = (falling * (LAW_FASTEST_PER_S * self.bending) + v.abs()).recip() * LAW_FASTEST_PER_S;
+        let settling = (falling * (self.fastest * self.bending) + v.abs()).recip() * self.fastest;
         (v * falling - v.abs() * at.own) * settling
     }
 }
@@ -182,6 +185,7 @@ fn laws(robot: &Robot) -> Laws {
     // A carriage of a tenth of a metre's reach.
     let slides = joints.iter().all(|joint| robot.joints[*joint].kind == JointKind::Prismatic);
     let (scale, unit) = if slides { (0.1, "m/s") } else { (1.0, "rad/s") };
+    let fastest = LAW_FASTEST_PER_S.min(LAW_FASTEST_STEPS / robot.sample_period_s);
     each(SPEEDS_RAD_S.map(|speed| {
         let speed = scale * speed;
         let mut parameters = Parameters::on(EFFECT.id, robot);
@@ -189,6 +193,6 @@ fn laws(robot: &Robot) -> Laws {
             parameters.plain("dmu", "N m", Of::Joint(joint), 0.0);
         }
         parameters.chosen("v_s", unit, speed);
-        StribeckLaw { parameters, joints: joints.clone(), speed, bending: scale * LAW_BENDING_RAD }
+        StribeckLaw { parameters, joints: joints.clone(), speed, bending: scale * LAW_BENDING_RAD, fastest }
     }))
 }

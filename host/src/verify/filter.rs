@@ -128,7 +128,7 @@ pub fn run_with<S: System>(system: &S, columns: &Columns<'_>, noise: ProcessNois
             }
             columns.readings(k, &mut filter.z);
             columns.input(k, &mut u);
-            filter.system.at_time(t - columns.t_s[0]);
+            filter.system.at_time(t);
             filter.update(&u);
             values.extend_from_slice(filter.x.as_slice());
             // Half a period of tolerance, so that rounding of time stamps does not decide.

@@ -52,7 +52,7 @@ pub fn run<S: System>(system: &S, columns: &Columns<'_>, first: Option<&[f64]>, 
         run.pieces.push(from..segment.end);
         for k in from..segment.end {
             columns.input(k, &mut u);
-            system.at_time(columns.t_s[k] - columns.t_s[0]);
+            system.at_time(columns.t_s[k]);
             system.outputs_of(&x, &u, &mut outputs);
             for (column, value) in run.outputs.iter_mut().zip(&outputs) {
                 column[k] = *value;

@@ -11,7 +11,7 @@ pub trait System: Clone + Send {
     /// Number of states.
     fn states(&self) -> usize;
 
-    /// What follows belongs to the sample at this time, s since the start of the recording. Few systems change with time.
+    /// What follows belongs to the sample at this time, s: that of [`Columns::t_s`](super::Columns). Few systems change with time.
     fn at_time(&mut self, _time_s: f64) {}
 
     /// Number of outputs, in the order of the recording's channels.

@@ -116,7 +116,7 @@ impl<'a, S: System> Run<'a, S> {
                 return if t_s.last().is_some_and(|last| *last >= goal_s) { Reached::Gap } else { Reached::End };
             }
             self.columns.input(self.at, &mut self.u);
-            self.system.at_time(t_s[self.at] - t_s[0]);
+            self.system.at_time(t_s[self.at]);
             self.system.step(&self.x, &self.u, t_s[self.at + 1] - t_s[self.at], &mut self.next);
             std::mem::swap(&mut self.x, &mut self.next);
             self.at += 1;
@@ -126,7 +126,7 @@ impl<'a, S: System> Run<'a, S> {
 
     fn compare(&mut self, start: usize, result: &mut Windows) {
         self.columns.input(self.at, &mut self.u);
-        self.system.at_time(self.columns.t_s[self.at] - self.columns.t_s[0]);
+        self.system.at_time(self.columns.t_s[self.at]);
         self.system.outputs_of(&self.x, &self.u, &mut self.outputs);
         result.starts.push(start);
         for (i, predicted) in self.outputs.iter().enumerate() {

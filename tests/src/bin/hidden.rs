@@ -39,6 +39,10 @@ fn main() -> ExitCode {
             return ExitCode::from(2);
         }
     };
+    if clean.is_some() && (only.is_some() || !effects.is_empty()) {
+        eprintln!("where nothing is hidden there is no effect and no size to choose\nusage: {USAGE}");
+        return ExitCode::from(2);
+    }
     let mut cases = clean.map_or_else(|| cases(first, seeds), |robots| nothing(first, robots));
     cases.retain(|case| only.as_ref().is_none_or(|size| case.size == *size));
     cases.retain(|case| effects.is_empty() || case.effects.iter().any(|id| effects.contains(id)));

@@ -82,12 +82,18 @@ pub fn cases(first: u64, seeds: u64) -> Vec<Case> {
 
 /// Robots with nothing hidden, every third with jittered stamps and every third with coloured noise of its gyros.
 pub fn nothing(first: u64, seeds: u64) -> Vec<Case> {
-    let disturbances = [Disturbance::Nothing, Disturbance::JitteredStamps, Disturbance::ColouredNoise];
-    let size = "medium".to_string();
-    let cases = (first..first + seeds).zip(disturbances.into_iter().cycle());
-    let case =
-        |(seed, disturbance)| Case { effects: Vec::new(), size: size.clone(), is_outsider: false, seed, disturbance };
-    cases.map(case).collect()
+    let case = |seed: u64| Case {
+        effects: Vec::new(),
+        size: "medium".to_string(),
+        is_outsider: false,
+        seed,
+        disturbance: match seed % 3 {
+            0 => Disturbance::JitteredStamps,
+            1 => Disturbance::ColouredNoise,
+            _ => Disturbance::Nothing,
+        },
+    };
+    (first..first + seeds).map(case).collect()
 }
 
 /// Effects of different equations, and of the same.

@@ -3,7 +3,7 @@
 /// Along the samples of a recording: the motion, and the torques that a model leaves open which is right whenever nothing happens.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Clues {
-    /// Since the start of the motion, s.
+    /// Of each sample since the first one of the whole recording, s.
     pub time_s: Vec<f64>,
     /// One a joint.
     pub joints: Vec<JointClues>,
