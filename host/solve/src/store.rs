@@ -144,6 +144,12 @@ impl Spare {
     }
 }
 
+/// Leaves memory that nobody should read before it is written.
+#[cfg(test)]
+pub(super) fn spoil_spare() {
+    (0..Spare::MOST).for_each(|_| Spare::give(vec![[f32::NAN; LANES]; 1 << 16]));
+}
+
 impl<'a> StoreMut<'a> {
     pub(super) fn groups(&self) -> usize {
         match self {

@@ -385,7 +385,28 @@ fn values(problem: &Problem<'_>, point: &Point<'_>, border: &Border, information
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::calibrate::fit;
     use crate::effect::Effect;
+    use crate::simulate::{Direct, Options, SHORT_MOTION};
+
+    #[test]
+    fn a_stop_that_is_never_met_leaves_the_others_their_errors() {
+        let robot = Robot::builtin("doggy").unwrap();
+        let options = Options { seed: 3, ..Options::new(robot.clone()) };
+        let whole = Direct::record(&options, SHORT_MOTION).unwrap().recording;
+        let recording = whole.part(0..8_000.min(whole.len()));
+        let base = fit(&robot, &[&recording], Preset::Default, &Settings::default(), |_, _| {}).unwrap();
+        let noise = base.noise.clone();
+        let (bench, trial) = Bench::new(&robot, base.series.clone(), &base, noise, Settings::default()).unwrap();
+        let law = Effect::by_id("end_stop").unwrap().laws(&robot).unwrap().swap_remove(0).settled().unwrap();
+        let with = bench.fit(&[law], &trial, 3).unwrap();
+        let error = |trial: &Trial, name: &str| trial.value(name).unwrap().std_error;
+        for name in ["k_s[2]", "b", "mu[3]"] {
+            let (alone, beside) = (error(&trial, name).unwrap(), error(&with, name).unwrap());
+            assert!((beside / alone - 1.0).abs() < 0.01, "{name}: {beside} beside a stop, {alone} without");
+        }
+        assert_eq!(error(&with, "end_stop.q_max[1]"), None);
+    }
 
     #[test]
     fn the_law_that_no_robot_can_have_is_told_from_the_others() {

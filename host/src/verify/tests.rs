@@ -228,3 +228,72 @@ fn the_free_run_starts_again_after_gaps() {
         }
     }
 }
+
+/// Shows what time it is, and nothing else.
+#[derive(Clone, Copy)]
+struct Clock {
+    time_s: f64,
+}
+
+impl System for Clock {
+    fn states(&self) -> usize {
+        1
+    }
+
+    fn at_time(&mut self, time_s: f64) {
+        self.time_s = time_s;
+    }
+
+    fn outputs(&self) -> usize {
+        1
+    }
+
+    fn step(&mut self, x: &[f64], _: &[f64], _: f64, next: &mut [f64]) {
+        next.copy_from_slice(x);
+    }
+
+    fn step_jacobian(&mut self, x: &[f64], _: &[f64], _: f64, next: &mut [f64], jacobian: &mut [f64]) {
+        next.copy_from_slice(x);
+        jacobian[0] = 1.0;
+    }
+
+    fn outputs_of(&mut self, x: &[f64], _: &[f64], outputs: &mut [f64]) {
+        outputs[0] = x[0] + self.time_s;
+    }
+
+    fn outputs_jacobian(&mut self, x: &[f64], u: &[f64], outputs: &mut [f64], jacobian: &mut [f64]) {
+        self.outputs_of(x, u, outputs);
+        jacobian[0] = 1.0;
+    }
+
+    fn is_velocity(&self, _: usize) -> bool {
+        false
+    }
+
+    fn first_guess(&mut self, _: &[f64]) -> (Vec<f64>, Vec<f64>) {
+        (vec![0.0], vec![1e-9])
+    }
+}
+
+/// What changes as a motion goes on goes on in a part of its recording.
+#[test]
+fn a_part_of_a_recording_is_predicted_at_the_time_of_the_whole() {
+    let t: Vec<f64> = (0..3000).map(|k| 16.7 + f64::from(k) * PERIOD).collect();
+    let rest = vec![0.0; t.len()];
+    let columns = Columns {
+        t_s: &t,
+        duty: vec![&rest],
+        measured: vec![&t],
+        sigma: vec![1e-3],
+        segments: vec![0..t.len()],
+        period_s: PERIOD,
+    };
+    let system = Clock { time_s: f64::NAN };
+    let track = filter::run_with(&system, &columns, ProcessNoise { velocity_sigma: 1e-6 });
+    let windows = window::predict(&system, &columns, &track, &[0.1]);
+    assert!(windows[0].starts.len() > 10);
+    // A clock that began with the part would be 16.7 s late.
+    assert!(windows[0].errors[0].iter().all(|error| error.abs() < 1e-6), "{:?}", windows[0].errors);
+    let run = free_run::run(&system, &columns, Some(&[0.0]), &track);
+    assert!(run.outputs[0].iter().zip(&t).all(|(shown, t)| (shown - t).abs() < 1e-9));
+}

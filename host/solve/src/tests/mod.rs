@@ -97,6 +97,24 @@ fn the_border_alone_is_that_of_the_whole_factor() {
 }
 
 #[test]
+fn the_memory_of_a_factor_that_is_gone_leaves_no_trace() {
+    let problem = Random::new(17, 40, 12, 24, 3.0);
+    let point = zero(&problem);
+    let solve = || {
+        let mut factor = Factor::with_precision(&problem, Precision::Single).unwrap();
+        factor.factorise(&problem, &point, 0.0, 2).unwrap();
+        let (schur, gradient) = factor.schur();
+        let (shared, _) = Border::new(&schur, &gradient, &[]).step(0.0).unwrap();
+        let mut step = Step::default();
+        factor.back_substitute(&shared, 2, &mut step);
+        step.states
+    };
+    let fresh = solve();
+    super::store::spoil_spare();
+    assert_eq!(solve(), fresh, "bit for bit");
+}
+
+#[test]
 fn steps_in_single_precision_are_off_by_its_rounding_and_the_border_not_at_all() {
     let problem = Random::new(17, 40, 12, 24, 3.0);
     let point = zero(&problem);
