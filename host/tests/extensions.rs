@@ -56,9 +56,9 @@ fn simulated(robot: &Robot, samples: usize, seed: u64, effects: Vec<Hidden>) -> 
 
 /// How far off an estimate may be, share of the truth, where it is not within four standard errors.
 const USUAL: f64 = 0.05;
-/// Effects that are tried when `EFFECTS` names no others: along the line from the input to the transmission. All of the catalogue takes a
+/// Effects that are tried when `EFFECTS` names no others: along the line from the input to the transmission, and passive joints. All of the catalogue takes a
 /// quarter of an hour.
-const USUALLY: [&str; 8] = [
+const USUALLY: [&str; 10] = [
     "input_delay",
     "pwm_dead_zone",
     "voltage_sag",
@@ -67,6 +67,8 @@ const USUALLY: [&str; 8] = [
     "motor_mismatch",
     "cogging",
     "torque_offset",
+    "base_bearing",
+    "structure_mode",
 ];
 /// Base parameters come back within this share, or four standard errors.
 const BASE: f64 = 0.02;

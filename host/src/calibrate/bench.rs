@@ -398,7 +398,7 @@ mod tests {
         let base = fit(&robot, &[&recording], Preset::Default, &Settings::default(), |_, _| {}).unwrap();
         let noise = base.noise.clone();
         let (bench, trial) = Bench::new(&robot, base.series.clone(), &base, noise, Settings::default()).unwrap();
-        let law = Effect::by_id("end_stop").unwrap().laws(&robot).unwrap().swap_remove(0).settled().unwrap();
+        let law = Effect::by_id("end_stop").unwrap().laws(&robot).unwrap().swap_remove(0).sharp().unwrap();
         let with = bench.fit(&[law], &trial, 3).unwrap();
         let error = |trial: &Trial, name: &str| trial.value(name).unwrap().std_error;
         for name in ["k_s[2]", "b", "mu[3]"] {

@@ -50,9 +50,10 @@ pub(crate) fn laws_of<S: AsRef<str>>(
     };
     let chosen = effects(ids)?.into_iter().map(|effect| {
         let mut alternatives = effect.laws(robot)?;
+        let sharp: Laws = alternatives.iter().filter_map(|law| law.sharp()).collect();
+        alternatives.extend(sharp);
         let place = alternatives.iter().position(suits).unwrap_or(0);
-        let law = alternatives.swap_remove(place);
-        Ok(law.settled().unwrap_or(law))
+        Ok(alternatives.swap_remove(place))
     });
     chosen.collect()
 }
@@ -102,8 +103,7 @@ pub(super) fn choose_laws(
             }
         }
     }
-    let settled = laws.into_iter().map(|law| law.settled().unwrap_or(law));
-    Ok((settled.collect(), trimmed))
+    Ok((laws, trimmed))
 }
 
 /// The preset's assumptions with the integration that the laws want.
@@ -214,4 +214,33 @@ pub(super) fn shared(model: &Model, robot: &Robot, series: &Series, from: &Known
         }
     }
     Shared { z: coordinates.from_physical(&physical), rotations: rotations.clone(), biases }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_laws_of_a_calibration_have_the_corners_that_were_fitted() {
+        let robot = Robot::builtin("doggy").unwrap();
+        for (id, corner, told) in [
+            ("end_stop", "end_stop.corner", 1e-4),
+            ("end_stop", "end_stop.corner", 1e-3),
+            ("belt_tooth_skip", "belt_tooth_skip.width", 1e-4),
+            ("belt_tooth_skip", "belt_tooth_skip.width", 2e-3),
+        ] {
+            // Of a skip on the second joint.
+            let value = |name: &str| match name {
+                _ if name == corner => Some(told),
+                _ if name.starts_with("belt_tooth_skip") => name.ends_with("[2]").then_some(0.5),
+                _ => Some(0.5),
+            };
+            let laws = laws_of(&robot, &[id], value).unwrap();
+            let results = &laws[0].parameters().results;
+            let has = |name: &str| results.iter().any(|result| result.name == name);
+            let found = results.iter().find(|result| result.name == corner).map(|result| result.form.clone());
+            assert!(matches!(found, Some(Form::Chosen(value)) if value == told), "{corner} of {told}: {results:?}");
+            assert!(id == "end_stop" || has("belt_tooth_skip.step[2]"), "{results:?}");
+        }
+    }
 }

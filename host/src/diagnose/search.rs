@@ -324,9 +324,7 @@ fn accept(bench: &Bench<'_>, found: &mut Search, best: Scanned, refitted: &[Scan
             is_alias: worth(&best, samples) - worth(other, samples) < ALIAS,
         })
         .collect();
-    let law = best.named.law.settled().unwrap_or(best.named.law);
-    let named = Named { law, ..best.named };
-    found.accepted.push(Accepted { named, score: best.score, p_family: best.p_family, rivals });
+    found.accepted.push(Accepted { named: best.named, score: best.score, p_family: best.p_family, rivals });
     let from = best.trial.unwrap_or_else(|| found.trial.clone());
     found.trial = bench.fit(&all_laws(found), &from, FINAL_ITERATIONS)?;
     // What came in first may have stood for what came in last.

@@ -120,16 +120,18 @@ impl Law for SkipLaw {
             // Between the last sample without and the first with it.
             let time_s = 0.5 * (clues.time_s[jump.at - 1] + clues.time_s[jump.at]);
             tracing::debug!(joint = joint + 1, time_s, step = jump.height / k_s, share = jump.share, "tooth skip?");
-            let parameters = parameters(self.parameters.cleared(), joint, [jump.height / k_s, time_s]);
-            Arc::new(SkipLaw { parameters, joint, width_s: self.sharp_s, sharp_s: self.sharp_s })
+            let width_s = self.sharp_s;
+            let parameters = parameters(self.parameters.cleared(), joint, [jump.height / k_s, time_s], width_s);
+            Arc::new(SkipLaw { parameters, joint, width_s, sharp_s: width_s })
         };
         jumps.into_iter().take(MOST_JOINTS).map(law).collect()
     }
 
-    fn settled(&self) -> Option<Arc<dyn Law>> {
+    fn sharp(&self) -> Option<Arc<dyn Law>> {
         let SkipLaw { joint, sharp_s, .. } = *self;
         let law = || -> Arc<dyn Law> {
-            Arc::new(SkipLaw { parameters: self.parameters.clone(), joint, width_s: sharp_s, sharp_s })
+            let parameters = parameters(self.parameters.cleared(), joint, [0.0; 2], sharp_s);
+            Arc::new(SkipLaw { parameters, joint, width_s: sharp_s, sharp_s })
         };
         (self.width_s > sharp_s).then(law)
     }
@@ -157,14 +159,15 @@ fn laws(robot: &Robot) -> Laws {
     let joints = draw::some(EFFECT.id, draw::elastic(robot), draw::NO_BELT)?;
     let starts = joints.iter().flat_map(|&joint| (1..30).map(move |second| (joint, f64::from(second))));
     each(starts.map(|(joint, start_s)| {
-        let parameters = parameters(Parameters::on(EFFECT.id, robot), joint, [0.0, start_s]);
+        let parameters = parameters(Parameters::on(EFFECT.id, robot), joint, [0.0, start_s], WIDTH_S);
         SkipLaw { parameters, joint, width_s: WIDTH_S, sharp_s: SHARP_PERIODS * robot.sample_period_s }
     }))
 }
 
-fn parameters(mut parameters: Parameters, joint: usize, [step_rad, time_s]: [f64; 2]) -> Parameters {
+fn parameters(mut parameters: Parameters, joint: usize, [step_rad, time_s]: [f64; 2], width_s: f64) -> Parameters {
     parameters.plain("step", "rad", Of::Joint(joint), step_rad);
     parameters.plain("t", "s", Of::Joint(joint), time_s);
+    parameters.chosen("width", "s", width_s);
     parameters
 }
 

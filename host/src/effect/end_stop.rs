@@ -130,13 +130,15 @@ impl Law for StopLaw {
             return Vec::new();
         }
         let joints = self.joints.clone();
-        let parameters = parameters(self.parameters.cleared(), &joints, &stops, push / squares);
+        let parameters = parameters(self.parameters.cleared(), &joints, &stops, [push / squares, SHARP_RAD]);
         vec![Arc::new(StopLaw { parameters, joints, corner_rad: SHARP_RAD })]
     }
 
-    fn settled(&self) -> Option<Arc<dyn Law>> {
+    fn sharp(&self) -> Option<Arc<dyn Law>> {
         let law = || -> Arc<dyn Law> {
-            let (parameters, joints) = (self.parameters.clone(), self.joints.clone());
+            let joints = self.joints.clone();
+            let stops = [0, 1].map(|side| joints.iter().map(|(_, limits)| limits[side]).collect());
+            let parameters = parameters(self.parameters.cleared(), &joints, &stops, [1.0, SHARP_RAD]);
             Arc::new(StopLaw { parameters, joints, corner_rad: SHARP_RAD })
         };
         (self.corner_rad > SHARP_RAD).then(law)
@@ -168,20 +170,26 @@ fn laws(robot: &Robot) -> Laws {
     let joints: Vec<_> = joints.into_iter().map(|joint| (joint, robot.joints[joint].limits)).collect();
     let with = |share: f64| {
         let stops = [0, 1].map(|side| joints.iter().map(|(_, limits)| share * limits[side]).collect());
-        let parameters = parameters(Parameters::on(EFFECT.id, robot), &joints, &stops, 5.0 * stiffest);
+        let parameters = parameters(Parameters::on(EFFECT.id, robot), &joints, &stops, [5.0 * stiffest, CORNER_RAD]);
         StopLaw { parameters, joints: joints.clone(), corner_rad: CORNER_RAD }
     };
     each([0.58, 0.68, 0.47].map(with))
 }
 
-/// Stops at these q_min and q_max of the joints.
-fn parameters(mut parameters: Parameters, joints: &[(usize, [f64; 2])], stops: &[Vec<f64>; 2], k: f64) -> Parameters {
+/// Stops at these q_min and q_max of the joints, with k and the rounding of the corner.
+fn parameters(
+    mut parameters: Parameters,
+    joints: &[(usize, [f64; 2])],
+    stops: &[Vec<f64>; 2],
+    [k, corner_rad]: [f64; 2],
+) -> Parameters {
     for (side, name) in ["q_min", "q_max"].into_iter().enumerate().rev() {
         for ((joint, _), stop) in joints.iter().zip(&stops[side]) {
             parameters.plain(name, "rad", Of::Joint(*joint), *stop);
         }
     }
     parameters.positive("k", "N m/rad", Of::All, k);
+    parameters.chosen("corner", "rad", corner_rad);
     parameters
 }
 

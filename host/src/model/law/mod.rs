@@ -168,8 +168,8 @@ pub trait Law: std::fmt::Debug + Send + Sync {
         Vec::new()
     }
 
-    /// The same law as it is once its place is known: with corners that a search from afar would not get over. None where it is that already.
-    fn settled(&self) -> Option<Arc<dyn Law>> {
+    /// The same law with the corners of [`starts`](Self::starts), which a search from afar would not get over. None where it has them, or none.
+    fn sharp(&self) -> Option<Arc<dyn Law>> {
         None
     }
 
