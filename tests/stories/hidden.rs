@@ -26,10 +26,10 @@ const CORE: [&str; 16] = [
     "input_delay",
     "gyro_lag",
 ];
-const DRAWN: usize = 4;
+const DRAWN: usize = 7;
 const SEED: u64 = 20;
 
-/// Four effects at two sizes, and a robot without any.
+/// Seven effects at two sizes, and a robot without any.
 fn drawn() -> Vec<Case> {
     let mut effects = CORE;
     effects.shuffle(&mut ChaCha8Rng::seed_from_u64(SEED));
