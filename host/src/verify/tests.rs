@@ -285,7 +285,7 @@ fn a_part_of_a_recording_is_predicted_at_the_time_of_the_whole() {
         duty: vec![&rest],
         measured: vec![&t],
         sigma: vec![1e-3],
-        segments: vec![0..t.len()],
+        segments: std::iter::once(0..t.len()).collect(),
         period_s: PERIOD,
     };
     let system = Clock { time_s: f64::NAN };
