@@ -7,10 +7,10 @@
 
 mod bench;
 mod chained;
-pub(crate) mod equilibrium;
+mod equilibrium;
 #[cfg(test)]
 mod extended_tests;
-pub mod extension;
+pub(crate) mod extension;
 mod fit;
 pub mod foresight;
 mod identify;

@@ -26,7 +26,7 @@ const LEAK_S: f64 = 0.3;
 /// Where no gyro sees a joint its q̇ is taken as θ̇, give or take this much, rad/s.
 const SPEED_PRIOR: f64 = 10.0;
 
-/// That of a passive joint is zero, give or take this much, rad/s. A gyro that sees it swing tells ten times better than this; one that sees
+/// That of a passive joint is zero, give or take this much, rad/s. A gyro that sees it swing tells tens of times better than this; one that sees
 /// the sum of its speed and a driven joint's does not, and then it is the driven joint's.
 const PASSIVE_SPEED_PRIOR: f64 = 0.1;
 

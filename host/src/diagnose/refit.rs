@@ -177,11 +177,16 @@ impl Refit<'_> {
     /// What a trial says of the law. Nothing, where it ended at what no robot can have.
     fn judge(&self, scanned: &mut Scanned, trial: Option<&Trial>, current: &Trial) {
         scanned.score = 0.0;
-        if let Some(trial) = trial.filter(|trial| trial.cost.is_finite() && trial.is_possible()) {
-            scanned.score = (2.0 * (current.cost - trial.cost)).max(0.0);
-            scanned.axes = axes(scanned.named.effect, trial);
+        if let Some(trial) = trial.filter(|trial| trial.cost.is_finite()) {
             let own = trial.values.iter().filter(|value| is_of(scanned.named.effect, &value.name));
-            scanned.vif = own.map(|value| value.vif).filter(|vif| vif.is_finite()).reduce(f64::max);
+            if trial.is_possible() {
+                scanned.score = (2.0 * (current.cost - trial.cost)).max(0.0);
+                scanned.axes = axes(scanned.named.effect, trial);
+                scanned.vif = own.map(|value| value.vif).filter(|vif| vif.is_finite()).reduce(f64::max);
+            } else {
+                let values: Vec<_> = own.map(|value| (&value.name, value.estimate, value.std_error)).collect();
+                tracing::debug!(cost = trial.cost, ?values, "no robot can have this");
+            }
         }
         scanned.p_family = self.family.p_of_family(p_of_score(scanned.score / current.inflation, scanned.freedom));
     }

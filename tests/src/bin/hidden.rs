@@ -7,15 +7,16 @@
 //! cargo run --release -p tests --bin hidden -- --nothing 200                 # nothing hidden, stamps that jitter and coloured noise among them
 //! ```
 //!
-//! Appends a line of JSON a case to a file and leaves out those that it holds already: it may be stopped and started again.
+//! `--log debug` tells how a case came out as it did. Appends a line of JSON a case to a file and leaves out those that it holds already: it may be stopped and started again.
 
 use std::process::ExitCode;
 
 use host::effect::Effect;
 use tests::hidden::{Scoreboard, cases, nothing, study};
 use tests::study::Arguments;
+use tracing_subscriber::filter::LevelFilter;
 
-const USAGE: &str = "hidden [--seeds N | --nothing N] [--first SEED] [--only small|medium|large] [--effects ID,…] [--workers N] [--out FILE.jsonl]";
+const USAGE: &str = "hidden [--seeds N | --nothing N] [--first SEED] [--only small|medium|large] [--effects ID,…] [--workers N] [--out FILE.jsonl] [--log LEVEL]";
 
 fn main() -> ExitCode {
     let (mut seeds, mut clean, mut only, mut effects) = (1_u64, None, None, Vec::new());
@@ -30,6 +31,10 @@ fn main() -> ExitCode {
             effects = value.split(',').map(str::to_string).collect();
             effects.iter().all(|id| Effect::by_id(id).is_ok())
         }
+        "--log" => value.parse().is_ok_and(|level: LevelFilter| {
+            tracing_subscriber::fmt().with_max_level(level).with_target(false).with_writer(std::io::stderr).init();
+            true
+        }),
         _ => false,
     });
     let Arguments { first, workers, out } = match understood {

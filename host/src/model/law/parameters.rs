@@ -145,20 +145,22 @@ impl Parameters {
         self.results.push(LawResult { name, unit, form, range: [f64::NEG_INFINITY, f64::INFINITY] });
     }
 
-    /// Where a search goes no farther: for each coordinate that is a result itself and has a range with two ends, half its width beyond either.
+    /// Where a search goes no farther: for each coordinate that is a result itself and has a range with two ends, half its width beyond either;
+    /// for each logarithm, a factor of two beyond either.
     pub(crate) fn bounds(&self) -> impl Iterator<Item = (usize, [f64; 2])> + '_ {
         self.results.iter().filter_map(|result| {
             let [low, high] = result.range;
             let beyond = 0.5 * (high - low);
             match result.form {
                 Form::Is(i) if beyond.is_finite() => Some((i, [low - beyond, high + beyond])),
+                Form::Exp(i) if high.is_finite() => Some((i, [(0.5 * low.max(0.0)).ln(), (2.0 * high).ln()])),
                 _ => None,
             }
         })
     }
 
-    /// Says what the results of this symbol can be in a robot. A fit is free to leave the range, though not farther than half its width; a
-    /// diagnosis then does not believe it.
+    /// Says what the results of this symbol can be in a robot. A fit is free to leave the range, though not farther than half its width, or twice
+    /// or half of it where the logarithm is fitted; a diagnosis then does not believe it.
     pub fn within(&mut self, symbol: &str, range: [f64; 2]) {
         let name = format!("{}.{symbol}", self.id);
         for result in &mut self.results {
@@ -263,6 +265,21 @@ mod tests {
         p.signed_wave(("G", "1"), "q0", Of::Joint(1), [0.0; 2]);
         p.balanced("d", "1", &[0, 1, 2]);
         p
+    }
+
+    #[test]
+    fn a_search_goes_a_little_farther_than_a_robot_can() {
+        let mut p = all_forms();
+        assert_eq!(p.bounds().count(), 0);
+        p.within("a", [-1.0, 3.0]);
+        p.within("k", [1e-3, 0.5]);
+        let bounds: Vec<_> = p.bounds().collect();
+        assert_eq!(bounds, [(0, [-3.0, 5.0]), (1, [0.5e-3_f64.ln(), 1.0_f64.ln()])]);
+        // One end alone is none; a logarithm needs no lower one.
+        p.within("a", [0.0, f64::INFINITY]);
+        p.within("k", [0.0, 0.05]);
+        let bounds: Vec<_> = p.bounds().collect();
+        assert_eq!(bounds, [(1, [f64::NEG_INFINITY, 0.1_f64.ln()])]);
     }
 
     #[test]
