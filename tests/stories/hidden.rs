@@ -5,7 +5,7 @@ use host::diagnose::Verdict;
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
-use tests::hidden::{Case, Disturbance, Outcome, Scoreboard, study};
+use tests::hidden::{Case, Disturbance, Outcome, Scoreboard, Sizes, study};
 
 /// The heart of the catalogue.
 const CORE: [&str; 16] = [
@@ -40,6 +40,7 @@ fn drawn() -> Vec<Case> {
         is_outsider: false,
         seed,
         disturbance: Disturbance::Nothing,
+        sizes: Sizes::Catalogue,
     };
     let hidden = effects.iter().zip(sizes).take(DRAWN).zip(SEED..);
     let hidden = hidden.map(|((effect, size), seed)| case(vec![effect.to_string()], size, seed));

@@ -12,13 +12,14 @@ use super::extension::{self, Known};
 use super::inflation::inflation;
 use super::noise::Noise;
 use super::point::Point;
+use super::possible::{self, Beyond};
 use super::preset::Preset;
 use super::problem::Problem;
 use super::result::Calibration;
 use super::series::Series;
 use super::trimmed::Trimmed;
 use super::{CalibrateError, Fit, equilibrium, identify, observability};
-use crate::model::law::{Law, LawResult};
+use crate::model::law::Law;
 use crate::model::{Layout, Model};
 use crate::robot::{InputUnit, Robot, Symbol};
 use solve::border::Border;
@@ -65,14 +66,19 @@ impl Trial {
     /// Whether every law's parameters are such as a robot can have: within their ranges, but for three standard errors and a twentieth of the
     /// largest of their kind, which what the law leaves of a joint may make.
     pub fn is_possible(&self) -> bool {
+        self.beyond().is_empty()
+    }
+
+    fn beyond(&self) -> Vec<Beyond> {
         let values = self.values.iter().map(|value| (value.name.as_str(), value.estimate, value.std_error));
-        impossible(&self.laws, values).is_none()
+        possible::beyond(&self.laws, values)
     }
 
     /// The first of this trial's laws that a calibration leads where no robot can be.
     pub fn impossible_in(&self, calibration: &Calibration) -> Option<usize> {
         let results = calibration.parameters.iter();
-        impossible(&self.laws, results.map(|result| (result.name.as_str(), result.estimate, result.std_error)))
+        let results = results.map(|result| (result.name.as_str(), result.estimate, result.std_error));
+        possible::beyond(&self.laws, results).first().map(|beyond| beyond.law)
     }
 
     /// Position and speed of link and motor of a joint at stage k.
@@ -108,32 +114,13 @@ pub struct JointState {
     pub thetad: f64,
 }
 
-/// The first of these laws whose values (name, estimate, standard error) no robot can have.
-fn impossible<'v>(
-    laws: &[Arc<dyn Law>],
-    values: impl Iterator<Item = (&'v str, f64, Option<f64>)> + Clone,
-) -> Option<usize> {
-    let kind = |name: &str| name.split_once('[').map_or(name, |(kind, _)| kind).to_string();
-    let suits = |result: &LawResult| {
-        let Some((_, estimate, std_error)) = values.clone().find(|(name, ..)| *name == result.name) else {
-            return true;
-        };
-        let alike = values.clone().filter(|(name, ..)| kind(name) == kind(&result.name));
-        let largest = alike.map(|(_, estimate, _)| estimate.abs()).fold(0.0, f64::max);
-        let slack = (3.0 * std_error.unwrap_or(0.0)).max(LITTLE * largest);
-        estimate.is_finite() && (result.range[0] - slack..=result.range[1] + slack).contains(&estimate)
-    };
-    laws.iter().position(|law| !law.parameters().results.iter().all(suits))
-}
-
-/// Of a kind of parameter, what is little beside the largest.
-const LITTLE: f64 = 0.05;
-
 /// A start whose squares are this many times as many as rows is far off.
 const FAR: f64 = 2.0;
 /// Iterations under the base model's own noise, from a start that is far off, and the relative change of the cost that ends them.
 const EASY_ITERATIONS: usize = 8;
 const EASY: f64 = 1e-4;
+/// Searches in which what leaves its range is held at its end.
+const ROUNDS_WITHIN: usize = 3;
 
 /// The samples, the noise and what the motion does not determine: all that trials of models have in common.
 pub struct Bench<'a> {
@@ -179,10 +166,10 @@ impl<'a> Bench<'a> {
         // Its states belong to other samples.
         known.states = &[];
         let iterations = bench.settings.max_iterations;
-        let mut base = bench.search(&[], &known, iterations)?;
+        let mut base = bench.search(&[], &known, &[], iterations)?;
         bench.weak = bench.weak_directions(&base)?;
         if !bench.weak.is_empty() {
-            base = bench.search(&[], &known, iterations)?;
+            base = bench.search(&[], &known, &[], iterations)?;
         }
         Ok((bench, base))
     }
@@ -202,10 +189,29 @@ impl<'a> Bench<'a> {
     /// # Errors
     /// A model that cannot be built or solved.
     pub fn fit(&self, laws: &[Arc<dyn Law>], from: &Trial, iterations: usize) -> Result<Trial, CalibrateError> {
-        self.search(laws, &from.known(), iterations)
+        self.search(laws, &from.known(), &[], iterations)
     }
 
-    /// The same from the values of one trial, which may be another bench's, and the states of a trial on this one.
+    /// Fits the laws of `trial` again from its end, with what no robot can have held at the end of its range. What follows from that may be
+    /// beyond its own range, and is held too.
+    ///
+    /// # Errors
+    /// A model that cannot be solved.
+    pub fn fit_within(&self, trial: &Trial, iterations: usize) -> Result<Trial, CalibrateError> {
+        let (mut trial, mut ends) = (trial.clone(), Vec::new());
+        for _ in 0..ROUNDS_WITHIN {
+            let beyond = trial.beyond();
+            if beyond.is_empty() {
+                break;
+            }
+            ends.extend(beyond);
+            let next = self.search(&trial.laws, &trial.known(), &ends, iterations)?;
+            trial = next;
+        }
+        Ok(trial)
+    }
+
+    /// Fits the base model with `laws` from the values of one trial, which may be another bench's, and the states of a trial on this one.
     ///
     /// # Errors
     /// A model that cannot be built or solved.
@@ -215,7 +221,7 @@ impl<'a> Bench<'a> {
         (values, states): (&Trial, &Trial),
         iterations: usize,
     ) -> Result<Trial, CalibrateError> {
-        self.search(laws, &Known { states: &states.states, layout: &states.layout, ..values.known() }, iterations)
+        self.search(laws, &Known { states: &states.states, layout: &states.layout, ..values.known() }, &[], iterations)
     }
 
     /// The base model as the greater part of the samples shows it; none where `base` explains all of them, or it is no better.
@@ -242,7 +248,7 @@ impl<'a> Bench<'a> {
     ) -> Result<Trial, CalibrateError> {
         let trimmed = from.known();
         let value = |name: &str| (trimmed.value)(name).or_else(|| other.value(name).map(|value| value.estimate));
-        self.search(laws, &Known { value: Box::new(value), ..from.known() }, iterations)
+        self.search(laws, &Known { value: Box::new(value), ..from.known() }, &[], iterations)
     }
 
     /// k_pwm U u (or k_t i, or the torque itself) at stage k by the values of a trial, N m or N.
@@ -301,9 +307,30 @@ impl<'a> Bench<'a> {
         }
     }
 
-    fn search(&self, laws: &[Arc<dyn Law>], from: &Known<'_>, iterations: usize) -> Result<Trial, CalibrateError> {
+    /// A search from what is known, with coordinates of laws held at these ends.
+    fn search(
+        &self,
+        laws: &[Arc<dyn Law>],
+        from: &Known<'_>,
+        ends: &[Beyond],
+        iterations: usize,
+    ) -> Result<Trial, CalibrateError> {
         let model = Model::extended(self.robot, laws.to_vec())?;
-        let (mut problem, start, held) = self.at(&model, from);
+        let end = |name: &str| ends.iter().find(|end| end.name == name && end.coordinate.is_some());
+        let value = |name: &str| end(name).map(|end| end.end).or_else(|| (from.value)(name));
+        let at_ends = Known {
+            value: Box::new(value),
+            rotations: from.rotations.clone(),
+            biases: from.biases.clone(),
+            states: from.states,
+            layout: from.layout,
+        };
+        let (mut problem, start, mut held) = self.at(&model, &at_ends);
+        for (law, own) in ends.iter().filter_map(|end| Some((end.law, end.coordinate?))) {
+            let mut direction = vec![0.0; problem.border().size()];
+            direction[model.coordinates().first_of_law(law) + own] = 1.0;
+            held.push(direction);
+        }
         let start = equilibrium::settled(&problem, start, &self.settings);
         let start = self.eased(&mut problem, start, &held);
         let settings = Settings { max_iterations: iterations, ..self.settings.clone() };
@@ -406,23 +433,5 @@ mod tests {
             assert!((beside / alone - 1.0).abs() < 0.01, "{name}: {beside} beside a stop, {alone} without");
         }
         assert_eq!(error(&with, "end_stop.q_max[1]"), None);
-    }
-
-    #[test]
-    fn the_law_that_no_robot_can_have_is_told_from_the_others() {
-        let robot = Robot::builtin("doggy").unwrap();
-        let law = |id| Effect::by_id(id).unwrap().laws(&robot).unwrap().swap_remove(0);
-        let laws = [law("backlash"), law("belt_hysteresis")];
-        let with = |k1: f64, std_error: f64| {
-            let values = [("backlash.h[1]", 0.004, 1e-5), ("belt_hysteresis.k1[1]", k1, std_error)];
-            impossible(&laws, values.iter().map(|(name, value, error)| (*name, *value, Some(*error))))
-        };
-        // A stiffness may not be negative by more than three standard errors.
-        assert_eq!(with(50.0, 1.0), None);
-        assert_eq!(with(-2.9, 1.0), None);
-        assert_eq!(with(-3.1, 1.0), Some(1));
-        assert_eq!(with(f64::NAN, 1.0), Some(1));
-        let negative = [("backlash.h[1]", -0.004, None), ("belt_hysteresis.k1[1]", -50.0, None)];
-        assert_eq!(impossible(&laws, negative.into_iter()), Some(0));
     }
 }

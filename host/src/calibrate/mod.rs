@@ -22,6 +22,7 @@ mod noise_free;
 mod observability;
 mod outliers;
 mod point;
+mod possible;
 mod prefit;
 mod preset;
 mod problem;

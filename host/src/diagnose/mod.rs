@@ -14,6 +14,7 @@ mod axes;
 mod bootstrap;
 mod candidate;
 mod gain;
+mod margin;
 mod refit;
 mod result;
 pub mod scan;
@@ -24,6 +25,7 @@ mod tell;
 mod yardstick;
 
 pub use bootstrap::Gain;
+pub use margin::margin;
 pub use result::{
     Candidate, ChannelGain, Defect, Diagnosis, Finding, NotTestable, Picture, Rival, Unexplained, Verdict,
 };
@@ -32,7 +34,7 @@ pub use yardstick::yardstick;
 
 use refit::Events;
 
-use crate::calibrate::{Bench, CalibrateError, Method, Preset, extend_as, fit};
+use crate::calibrate::{Bench, CalibrateError, Fit, Method, Preset, Trial, extend_as, fit};
 use crate::effect::{Effect, EffectError};
 use crate::model::Model;
 use crate::recording::Recording;
@@ -96,19 +98,8 @@ pub fn diagnose(
     let parts = [recording.part(0..cut), recording.part(cut..recording.len())];
     let (fitted, unseen) = holdout.map_or((&parts[0], &parts[1]), |holdout| (recording, holdout));
     step("calibrating the base model");
-    let method = Method::suited(Preset::Default, robot);
-    let base = fit(robot, &[fitted], method, &options.settings, |_, _| {})?;
-    let series = &base.series;
-    let noise = yardstick(robot, series);
-    let bench = |samples: usize| {
-        let part = series.excerpt(samples, WINDOWS).unwrap_or_else(|| series.clone());
-        let settings =
-            Settings { relative_cost_change: ENOUGH, max_iterations: MOST_ITERATIONS, ..options.settings.clone() };
-        Bench::new(robot, part, &base, noise.clone(), settings)
-    };
-    let states = Model::new(robot).layout().size().min(STATES);
-    let few = FEW_SAMPLES * STATES * STATES / (states * states);
-    let ((few, few_base), (bench, trial)) = (bench(few.min(ENOUGH_SAMPLES))?, bench(ENOUGH_SAMPLES)?);
+    let base = fit(robot, &[fitted], Method::suited(Preset::Default, robot), &options.settings, |_, _| {})?;
+    let [(few, few_base), (bench, trial)] = benches(robot, &base, &options.settings)?;
     let (candidates, unsuited) = candidate::catalogue(robot, &options.without);
     let events = Events::of(bench.trimmed(&trial)?, &candidates);
     let mut found = search::search((&few, &few_base), (&bench, &trial), (&candidates, &events), step)?;
@@ -132,4 +123,17 @@ pub fn diagnose(
     };
     let holdout = holdout.map(|recording| recording.source.path.display().to_string());
     Ok(tell::tell(&bench, &trial, &found, (&base, extended), gain, unsuited, holdout)?)
+}
+
+/// The base model on few samples, and on those that decide.
+fn benches<'r>(robot: &'r Robot, base: &Fit, settings: &Settings) -> Result<[(Bench<'r>, Trial); 2], CalibrateError> {
+    let noise = yardstick(robot, &base.series);
+    let settings = Settings { relative_cost_change: ENOUGH, max_iterations: MOST_ITERATIONS, ..settings.clone() };
+    let bench = |samples: usize| {
+        let part = base.series.excerpt(samples, WINDOWS).unwrap_or_else(|| base.series.clone());
+        Bench::new(robot, part, base, noise.clone(), settings.clone())
+    };
+    let states = Model::new(robot).layout().size().min(STATES);
+    let few = FEW_SAMPLES * STATES * STATES / (states * states);
+    Ok([bench(few.min(ENOUGH_SAMPLES))?, bench(ENOUGH_SAMPLES)?])
 }

@@ -118,6 +118,12 @@ fn are_alike(a: &Effect, b: &Effect) -> bool {
     a.confounded_with.contains(&b.id) || b.confounded_with.contains(&a.id)
 }
 
+/// A trial as it is, or, where no robot can have it, the best that one can: beside other effects that nobody has found yet a law may be bent
+/// out of its range on one joint and still be the truth on the others.
+pub(super) fn within(bench: &Bench<'_>, trial: Trial) -> Option<Trial> {
+    if trial.is_possible() { Some(trial) } else { bench.fit_within(&trial, ITERATIONS).ok() }
+}
+
 impl Scanned {
     /// Nothing known yet of this law.
     fn untried(named: Named) -> Self {
@@ -137,6 +143,7 @@ impl Scanned {
 impl Refit<'_> {
     fn on_few_samples(&self, named: Named) -> Scanned {
         let trial = self.few.fit(&self.with(&named), self.on_few, ITERATIONS).ok();
+        let trial = trial.and_then(|trial| within(self.few, trial));
         let mut scanned = Scanned::untried(named);
         self.judge(&mut scanned, trial.as_ref(), self.on_few);
         scanned.on_few = trial.filter(|_| scanned.score > 0.0);
@@ -147,6 +154,7 @@ impl Refit<'_> {
         let current = &self.found.trial;
         let from = scanned.on_few.as_ref().unwrap_or(current);
         let trial = self.bench.fit_from(&self.with(&scanned.named), (from, current), ITERATIONS).ok();
+        let trial = trial.and_then(|trial| within(self.bench, trial));
         self.judge(scanned, trial.as_ref(), current);
         scanned.trial = trial.filter(|_| scanned.score > 0.0);
     }

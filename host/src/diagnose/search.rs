@@ -148,6 +148,8 @@ pub fn search(
 ) -> Result<Search, CalibrateError> {
     let mut found = Search::at(base);
     let mut on_few = few_base.clone();
+    // Where the search stood when it accepted a cause that no robot can have unless another one is found beside it.
+    let mut before_doubt: Option<Search> = None;
     loop {
         step("scanning the catalogue");
         let (mut scanned, family) = scan(few, &found.accepted, &on_few, candidates)?;
@@ -184,18 +186,22 @@ pub fn search(
                 let from = best.on_few.clone();
                 let (before, refused) = (found.clone(), best.clone());
                 accept(bench, &mut found, best, &refitted)?;
-                if !found.trial.is_possible() {
-                    // Settled among the others it is no cause that a robot can have.
-                    found = Search { refused: Some(refused), left: curves, ..before };
-                    return Ok(found);
+                if found.trial.is_possible() {
+                    before_doubt = None;
+                } else {
+                    found.trial = bench.fit_within(&found.trial, FINAL_ITERATIONS)?;
+                    before_doubt = before_doubt.or(Some(Search { refused: Some(refused), left: curves, ..before }));
                 }
                 let from = from.as_ref().unwrap_or(&found.trial);
                 on_few = few.fit(&all_laws(&found), from, FINAL_ITERATIONS)?;
+                if before_doubt.is_some() && !on_few.is_possible() {
+                    on_few = few.fit_within(&on_few, FINAL_ITERATIONS)?;
+                }
             }
             best => {
                 found.refused = best;
                 found.left = curves;
-                return Ok(found);
+                return Ok(before_doubt.unwrap_or(found));
             }
         }
     }
@@ -249,7 +255,7 @@ fn worth(scanned: &Scanned, samples: usize) -> f64 {
 }
 
 /// The best alternative of every candidate that is not in yet, and the scan that they come from.
-fn scan(
+pub fn scan(
     bench: &Bench<'_>,
     accepted: &[Accepted],
     current: &Trial,
@@ -350,7 +356,7 @@ fn all_laws(found: &Search) -> Vec<Arc<dyn Law>> {
 
 impl Search {
     /// Nothing found yet beyond the model of `trial`.
-    fn at(trial: &Trial) -> Self {
+    pub fn at(trial: &Trial) -> Self {
         Search {
             accepted: Vec::new(),
             trial: trial.clone(),

@@ -163,6 +163,8 @@ pub enum Size {
     Medium,
     /// Nobody could overlook it.
     Large,
+    /// Between the names and beyond them, by the logarithm: −1 is small, 0 medium, 1 large.
+    Level(f64),
     /// The first parameter of the effect has this value, in its unit, on every axis (where axes must differ, the
     /// largest).
     Exact(f64),
@@ -210,6 +212,11 @@ impl Effect {
         {
             return Err(EffectError::Size { effect: self.id, size: value.to_string() });
         }
+        if let Size::Level(level) = size
+            && !level.is_finite()
+        {
+            return Err(EffectError::Size { effect: self.id, size: format!("level {level}") });
+        }
         (self.make)(robot, size, rng)
     }
 
@@ -242,6 +249,7 @@ impl Size {
             Self::Small => small,
             Self::Medium => medium,
             Self::Large => large,
+            Self::Level(level) => medium * (if level < 0.0 { medium / small } else { large / medium }).powf(level),
             Self::Exact(value) => return value,
         };
         nominal * rng.random_range(0.85..1.15)

@@ -35,6 +35,14 @@ impl Direct {
     /// # Errors
     /// [`SimulateError`] if the robot or its effects cannot be simulated, or the text is not a motion for it.
     pub fn record(options: &Options, motion: &str) -> Result<Self, SimulateError> {
+        Self::record_nth(options, motion, 1)
+    }
+
+    /// The same as the n-th motion of that robot: with other noise.
+    ///
+    /// # Errors
+    /// As [`Direct::record`].
+    pub fn record_nth(options: &Options, motion: &str, n: u64) -> Result<Self, SimulateError> {
         let robot = &options.robot;
         let played: Motion =
             toml::from_str(motion).map_err(|error| SimulateError::Motion { said: error.to_string() })?;
@@ -51,7 +59,7 @@ impl Direct {
         let file = MotionFile { name: played.name.to_string(), toml: motion.to_owned() };
         let mut recorder = Recorder::new(Session { motion: Some(file), ..Session::of(robot.clone()) });
         let mut player: Option<Player> = None;
-        board.begin_motion();
+        (0..n).for_each(|_| board.begin_motion());
         for k in 0_u64.. {
             let mut phase = None;
             let (inputs, duty) = board.tick_with(|inputs| {

@@ -4,6 +4,7 @@
 //! cargo run --release -p tests --bin hidden                                  # one robot a case
 //! cargo run --release -p tests --bin hidden -- --seeds 5 --only medium       # five, of one size only
 //! cargo run --release -p tests --bin hidden -- --effects stribeck,cogging    # cases with one of these in it
+//! cargo run --release -p tests --bin hidden -- --sizes information           # as large as the recording tells so much, not as on machines
 //! cargo run --release -p tests --bin hidden -- --nothing 200                 # nothing hidden, stamps that jitter and coloured noise among them
 //! ```
 //!
@@ -12,14 +13,14 @@
 use std::process::ExitCode;
 
 use host::effect::Effect;
-use tests::hidden::{Scoreboard, cases, nothing, study};
+use tests::hidden::{Scoreboard, Sizes, cases, nothing, study};
 use tests::study::Arguments;
 use tracing_subscriber::filter::LevelFilter;
 
-const USAGE: &str = "hidden [--seeds N | --nothing N] [--first SEED] [--only small|medium|large] [--effects ID,…] [--workers N] [--out FILE.jsonl] [--log LEVEL]";
+const USAGE: &str = "hidden [--seeds N | --nothing N] [--first SEED] [--only small|medium|large] [--effects ID,…] [--sizes catalogue|information] [--workers N] [--out FILE.jsonl] [--log LEVEL]";
 
 fn main() -> ExitCode {
-    let (mut seeds, mut clean, mut only, mut effects) = (1_u64, None, None, Vec::new());
+    let (mut seeds, mut clean, mut only, mut effects, mut sizes) = (1_u64, None, None, Vec::new(), Sizes::Catalogue);
     let understood = Arguments::read(USAGE, "hidden.jsonl", |name, value| match name {
         "--nothing" => value.parse().map(|n| clean = Some(n)).is_ok(),
         "--seeds" => value.parse().map(|n| seeds = n).is_ok(),
@@ -30,6 +31,10 @@ fn main() -> ExitCode {
         "--effects" => {
             effects = value.split(',').map(str::to_string).collect();
             effects.iter().all(|id| Effect::by_id(id).is_ok())
+        }
+        "--sizes" if ["catalogue", "information"].contains(&value) => {
+            sizes = if value == "information" { Sizes::Information } else { Sizes::Catalogue };
+            true
         }
         "--log" => value.parse().is_ok_and(|level: LevelFilter| {
             tracing_subscriber::fmt().with_max_level(level).with_target(false).with_writer(std::io::stderr).init();
@@ -48,7 +53,7 @@ fn main() -> ExitCode {
         eprintln!("where nothing is hidden there is no effect and no size to choose\nusage: {USAGE}");
         return ExitCode::from(2);
     }
-    let mut cases = clean.map_or_else(|| cases(first, seeds), |robots| nothing(first, robots));
+    let mut cases = clean.map_or_else(|| cases(first, seeds, sizes), |robots| nothing(first, robots));
     cases.retain(|case| only.as_ref().is_none_or(|size| case.size == *size));
     cases.retain(|case| effects.is_empty() || case.effects.iter().any(|id| effects.contains(id)));
     let of = cases.len();

@@ -7,6 +7,7 @@
 //! ```
 
 mod disturbance;
+pub mod information;
 mod scoreboard;
 
 use std::path::Path;
@@ -20,6 +21,7 @@ use serde::{Deserialize, Serialize};
 use solve::levenberg::Settings;
 
 pub use disturbance::Disturbance;
+use information::{asked, sized};
 pub use scoreboard::{Scoreboard, wilson};
 
 /// What is hidden, and in which robot.
@@ -36,6 +38,20 @@ pub struct Case {
     /// What spoils the recording besides.
     #[serde(default)]
     pub disturbance: Disturbance,
+    /// What a size's name means.
+    #[serde(default)]
+    pub sizes: Sizes,
+}
+
+/// What `small`, `medium` and `large` mean.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Sizes {
+    /// What the catalogue calls so: as on machines.
+    #[default]
+    Catalogue,
+    /// A margin of 30, 300 and 3000 over the nearest rival; see [`information`].
+    Information,
 }
 
 /// What became of a case.
@@ -57,16 +73,20 @@ pub struct Outcome {
     pub errors: Vec<(String, f64)>,
     /// How long the diagnosis took, s.
     pub seconds: f64,
+    /// Of sizes by information, the margin of each effect alone.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub margins: Vec<f64>,
 }
 
 /// What the whole study covers: nothing hidden, every effect at three sizes, pairs, and effects that the diagnosis does not know.
-pub fn cases(first: u64, seeds: u64) -> Vec<Case> {
+pub fn cases(first: u64, seeds: u64, sizes: Sizes) -> Vec<Case> {
     let case = |effects: &[&str], size: &str, is_outsider: bool, seed: u64| Case {
         effects: effects.iter().map(|id| id.to_string()).collect(),
         size: size.to_string(),
         is_outsider,
         seed,
         disturbance: Disturbance::Nothing,
+        sizes,
     };
     let mut cases = Vec::new();
     for seed in first..first + seeds {
@@ -92,6 +112,7 @@ pub fn nothing(first: u64, seeds: u64) -> Vec<Case> {
             1 => Disturbance::ColouredNoise,
             _ => Disturbance::Nothing,
         },
+        sizes: Sizes::Catalogue,
     };
     (first..first + seeds).map(case).collect()
 }
@@ -116,9 +137,17 @@ const OUTSIDERS: [&str; 4] = ["cogging", "quadratic_drag", "belt_hardening", "gr
 pub fn outcome(case: &Case) -> Outcome {
     let robot = Robot::builtin("doggy").expect("the built-in robot is valid");
     let mut options = Options { seed: case.seed, ..Options::new(robot.clone()) };
+    let mut margins = Vec::new();
     for id in &case.effects {
         let effect = Effect::by_id(id).expect("cases are made of the catalogue");
-        let size = Size::parse(effect.id, &case.size).expect("sizes have names");
+        let size = match case.sizes {
+            Sizes::Catalogue => Size::parse(effect.id, &case.size).expect("sizes have names"),
+            Sizes::Information => {
+                let sized = sized(effect, case.seed, asked(&case.size));
+                margins.push(sized.margin);
+                Size::Level(sized.level)
+            }
+        };
         options.effects.push(EffectChoice { effect, size });
     }
     let mut simulated = Direct::record(&options, SHORT_MOTION).expect("the built-in robot plays the built-in motion");
@@ -131,7 +160,7 @@ pub fn outcome(case: &Case) -> Outcome {
     let seconds = clock.elapsed().as_secs_f64();
     let truth = simulated.effects.iter().flat_map(|effect| &effect.parameters);
     let truth = truth.map(|value| (value.name.clone(), value.value)).collect();
-    compare(case, &found, &as_it_shows(truth), seconds)
+    Outcome { margins, ..compare(case, &found, &as_it_shows(truth), seconds) }
 }
 
 /// Viscous friction that is common to all joints is back-EMF; what shows is the rest of it.
@@ -164,6 +193,7 @@ fn compare(case: &Case, found: &Diagnosis, truth: &[(String, f64)], seconds: f64
         is_right_place,
         errors: truth.iter().filter_map(error).collect(),
         seconds,
+        margins: Vec::new(),
     }
 }
 

@@ -95,6 +95,25 @@ fn sizes_come_from_names_numbers_and_the_seed() {
 }
 
 #[test]
+fn levels_go_through_the_named_sizes_and_on() {
+    let near = |a: &Hidden, b: &Hidden| {
+        for (a, b) in a.values.iter().zip(&b.values) {
+            assert!((a.value - b.value).abs() <= 1e-12 * b.value.abs(), "{a:?} {b:?}");
+        }
+    };
+    for effect in CATALOGUE {
+        for (level, size) in [(-1.0, Size::Small), (0.0, Size::Medium), (1.0, Size::Large)] {
+            near(&hide(effect.id, Size::Level(level)), &hide(effect.id, size));
+        }
+    }
+    let gap = |level| hide("backlash", Size::Level(level)).values[0].value;
+    assert!((gap(-3.0) / gap(-2.0) / (gap(-1.0) / gap(0.0)) - 1.0).abs() < 1e-12);
+    let refused =
+        Effect::by_id("backlash").unwrap().hide_in(&doggy(), Size::Level(f64::NAN), &mut ChaCha8Rng::seed_from_u64(1));
+    assert!(matches!(refused, Err(EffectError::Size { .. })));
+}
+
+#[test]
 fn a_lag_shorter_than_the_plants_step_is_refused() {
     for id in ["gyro_lag", "electrical_lag"] {
         let effect = Effect::by_id(id).unwrap();

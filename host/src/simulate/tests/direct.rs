@@ -21,6 +21,9 @@ fn the_short_motion_shows_everything_and_depends_on_the_seed_alone() {
         assert_eq!(a.values, b.values, "{}", a.spec.name);
     }
     assert_eq!(recording.duty, again.recording.duty);
+    let second = Direct::record_nth(&options(3), SHORT_MOTION, 2).unwrap();
+    assert_eq!(second.truth, once.truth);
+    assert_ne!(second.recording.channels[0].values, recording.channels[0].values);
     let other = Direct::record(&options(4), SHORT_MOTION).unwrap();
     assert_ne!(other.truth, once.truth);
 }

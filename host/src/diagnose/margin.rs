@@ -1,0 +1,49 @@
+//! How much a recording tells of a cause: by how much its law fits better than the nearest rival.
+//!
+//! What a diagnosis can be asked for depends on nothing else. Studies set the sizes of what they hide by it.
+
+use super::refit::{Events, Refit, refit};
+use super::search::{Scanned, Search, scan};
+use super::{DiagnoseError, benches, candidate};
+use crate::calibrate::{Method, Preset, fit};
+use crate::effect::Effect;
+use crate::recording::Recording;
+use crate::robot::Robot;
+use solve::levenberg::Settings;
+
+/// Twice the difference of the log-likelihoods of two refits on the samples that decide: of the law of `effect`, and of the best of its rivals
+/// (those that [`diagnose`](super::diagnose) would try). Zero where a rival fits better. A rival with more parameters that fits as well holds the
+/// law as a special case, and is none.
+///
+/// # Errors
+/// As a diagnosis.
+pub fn margin(
+    robot: &Robot,
+    recording: &Recording,
+    effect: &'static Effect,
+    settings: &Settings,
+) -> Result<f64, DiagnoseError> {
+    let base = fit(robot, &[recording], Method::suited(Preset::Default, robot), settings, |_, _| {})?;
+    let [(few, on_few), (bench, trial)] = benches(robot, &base, settings)?;
+    let (candidates, _) = candidate::catalogue(robot, &[]);
+    let events = Events::of(bench.trimmed(&trial)?, &candidates);
+    let found = Search::at(&trial);
+    let (mut scanned, family) = scan(&few, &found.accepted, &on_few, &candidates)?;
+    // Its own class is that of the best.
+    let is_own = |scanned: &Scanned| scanned.named.effect.id == effect.id;
+    scanned.sort_by(|a, b| is_own(b).cmp(&is_own(a)).then(b.score.total_cmp(&a.score)));
+    let refitted = refit(
+        &Refit { few: &few, on_few: &on_few, bench: &bench, found: &found, family: &family, events: &events },
+        scanned,
+    );
+    Ok(over_the_nearest(&refitted, is_own))
+}
+
+fn over_the_nearest(refitted: &[Scanned], is_own: impl Fn(&Scanned) -> bool) -> f64 {
+    let own = refitted.iter().filter(|scanned| is_own(scanned)).max_by(|a, b| a.score.total_cmp(&b.score));
+    let Some(own) = own else { return 0.0 };
+    let holds_it = |rival: &Scanned| rival.freedom > own.freedom && rival.score >= own.score;
+    let rivals = refitted.iter().filter(|rival| !is_own(rival) && !holds_it(rival));
+    let nearest = rivals.map(|rival| rival.score).fold(0.0, f64::max);
+    (own.score - nearest).max(0.0)
+}
