@@ -36,6 +36,9 @@ pub fn margin(
         &Refit { few: &few, on_few: &on_few, bench: &bench, found: &found, family: &family, events: &events },
         scanned,
     );
+    for s in &refitted {
+        tracing::debug!(effect = s.named.effect.id, score = s.score, freedom = s.freedom, "margin");
+    }
     Ok(over_the_nearest(&refitted, is_own))
 }
 

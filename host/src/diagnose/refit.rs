@@ -81,6 +81,26 @@ pub fn refit(on: &Refit<'_>, scanned: Vec<Scanned>) -> Vec<Scanned> {
     refitted
 }
 
+/// Refits what was bent out of its range with that held at the range's end: beside other effects that nobody has found yet a law may be bent on one
+/// joint, and still be the truth on the others.
+pub fn straighten(on: &Refit<'_>, refitted: &mut [Scanned]) {
+    for s in refitted.iter_mut() {
+        let Some(bent) = s.bent.take() else { continue };
+        let trial = on.few.fit_within(&bent, ITERATIONS).ok();
+        on.judge(s, trial.as_ref(), on.on_few);
+        s.on_few = trial.filter(|_| s.score > 0.0);
+        if s.on_few.is_some() {
+            on.in_full(s);
+            let trial = s.bent.take().and_then(|bent| on.bench.fit_within(&bent, ITERATIONS).ok());
+            if trial.is_some() {
+                on.judge(s, trial.as_ref(), &on.found.trial);
+                s.trial = trial.filter(|_| s.score > 0.0);
+            }
+        }
+        tracing::debug!(effect = s.named.effect.id, score = s.score, "straightened");
+    }
+}
+
 /// What is beaten on few samples keeps its score there, as many times as there are more samples.
 fn best_of_scan(on: &Refit<'_>, scanned: Vec<Scanned>) -> Vec<Scanned> {
     let Some(best) = scanned.first().filter(|best| best.p_family < LEVEL).map(|best| best.named.effect) else {
@@ -118,18 +138,13 @@ fn are_alike(a: &Effect, b: &Effect) -> bool {
     a.confounded_with.contains(&b.id) || b.confounded_with.contains(&a.id)
 }
 
-/// A trial as it is, or, where no robot can have it, the best that one can: beside other effects that nobody has found yet a law may be bent
-/// out of its range on one joint and still be the truth on the others.
-pub(super) fn within(bench: &Bench<'_>, trial: Trial) -> Option<Trial> {
-    if trial.is_possible() { Some(trial) } else { bench.fit_within(&trial, ITERATIONS).ok() }
-}
-
 impl Scanned {
     /// Nothing known yet of this law.
     fn untried(named: Named) -> Self {
         Scanned {
             trial: None,
             on_few: None,
+            bent: None,
             score: 0.0,
             freedom: named.law.parameters().coordinates.len().max(1),
             p_family: 1.0,
@@ -143,7 +158,6 @@ impl Scanned {
 impl Refit<'_> {
     fn on_few_samples(&self, named: Named) -> Scanned {
         let trial = self.few.fit(&self.with(&named), self.on_few, ITERATIONS).ok();
-        let trial = trial.and_then(|trial| within(self.few, trial));
         let mut scanned = Scanned::untried(named);
         self.judge(&mut scanned, trial.as_ref(), self.on_few);
         scanned.on_few = trial.filter(|_| scanned.score > 0.0);
@@ -154,7 +168,6 @@ impl Refit<'_> {
         let current = &self.found.trial;
         let from = scanned.on_few.as_ref().unwrap_or(current);
         let trial = self.bench.fit_from(&self.with(&scanned.named), (from, current), ITERATIONS).ok();
-        let trial = trial.and_then(|trial| within(self.bench, trial));
         self.judge(scanned, trial.as_ref(), current);
         scanned.trial = trial.filter(|_| scanned.score > 0.0);
     }
@@ -194,6 +207,7 @@ impl Refit<'_> {
             } else {
                 let values: Vec<_> = own.map(|value| (&value.name, value.estimate, value.std_error)).collect();
                 tracing::debug!(cost = trial.cost, ?values, "no robot can have this");
+                scanned.bent = Some(trial.clone());
             }
         }
         scanned.p_family = self.family.p_of_family(p_of_score(scanned.score / current.inflation, scanned.freedom));

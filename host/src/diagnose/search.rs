@@ -12,7 +12,7 @@ use std::sync::Arc;
 
 use super::axes::axes_of_score;
 use super::candidate::{Candidate, Curves, PLACES, Place};
-use super::refit::{Events, Refit, refit};
+use super::refit::{Events, Refit, refit, straighten};
 use super::scan::{Scan, Score};
 use super::significance::p_of_score;
 use crate::calibrate::{Bench, CalibrateError, Trial};
@@ -57,6 +57,8 @@ pub struct Scanned {
     pub trial: Option<Trial>,
     /// Its fit on few samples.
     pub on_few: Option<Trial>,
+    /// Its last fit, where no robot can have it.
+    pub bent: Option<Trial>,
     /// Twice the log-likelihood gained.
     pub score: f64,
     /// Parameters that the motion shows.
@@ -159,17 +161,17 @@ pub fn search(
         }
         note("scan", scanned.iter().take(12));
         step("refitting the best");
-        let mut refitted =
-            refit(&Refit { few, on_few: &on_few, bench, found: &found, family: &family, events }, scanned);
+        let on = Refit { few, on_few: &on_few, bench, found: &found, family: &family, events };
         let samples = bench.series().stages();
-        refitted.sort_by(|a, b| worth(b, samples).total_cmp(&worth(a, samples)));
-        note("refit", refitted.iter());
+        let best_first = |refitted: &mut Vec<Scanned>| {
+            refitted.sort_by(|a, b| worth(b, samples).total_cmp(&worth(a, samples)));
+            note("refit", refitted.iter());
+        };
+        let mut refitted = refit(&on, scanned);
+        best_first(&mut refitted);
         step("holding them against curves");
         let mut curves = curves(few, &on_few, (bench, &found.trial))?;
         curves.sort_by(|a, b| b.score.total_cmp(&a.score));
-        if found.accepted.is_empty() {
-            found.first_curves = curves.clone();
-        }
         for c in &curves {
             tracing::debug!(place = ?c.curves.place, score = c.score, p = c.p_family, "curve");
         }
@@ -177,12 +179,25 @@ pub fn search(
         let explained = 2.0 * (base.cost - found.trial.cost);
         let earns =
             |s: &&Scanned| s.p_family < LEVEL && worth(s, samples) > 0.0 && !is_rest(&found.accepted, explained, s);
-        let best = refitted.iter().find(earns).cloned();
         let rival = curves.first().filter(|curve| curve.p_family < LEVEL);
         let enough = |score: f64| rival.is_none_or(|curve| score >= NAMED_SHARE * curve.score);
-        let holds = |best: &Scanned| enough(best.score) || enough(with_another(bench, &found, best, &refitted, enough));
+        let may_go_on = found.accepted.len() < MOST_FINDINGS;
+        let is_held = |best: &Scanned, refitted: &[Scanned]| {
+            enough(best.score) || enough(with_another(bench, &found, best, refitted, enough))
+        };
+        let mut best = refitted.iter().find(earns).cloned();
+        let mut holds = may_go_on && best.as_ref().is_some_and(|best| is_held(best, &refitted));
+        if may_go_on && !holds && rival.is_some() && refitted.iter().any(|s| s.bent.is_some()) {
+            straighten(&on, &mut refitted);
+            best_first(&mut refitted);
+            best = refitted.iter().find(earns).cloned();
+            holds = best.as_ref().is_some_and(|best| is_held(best, &refitted));
+        }
+        if found.accepted.is_empty() {
+            found.first_curves = curves.clone();
+        }
         match best {
-            Some(best) if found.accepted.len() < MOST_FINDINGS && holds(&best) => {
+            Some(best) if holds => {
                 let from = best.on_few.clone();
                 let (before, refused) = (found.clone(), best.clone());
                 accept(bench, &mut found, best, &refitted)?;
@@ -279,6 +294,7 @@ pub fn scan(
             vif: score.as_ref().map(|score| score.vif),
             trial: None,
             on_few: None,
+            bent: None,
             named,
         };
         match best.last_mut().filter(|last| last.named.effect.id == scanned.named.effect.id) {

@@ -14,7 +14,7 @@ pub enum EffectError {
         suggestion: String,
     },
     /// Neither a name of a size nor a positive number.
-    #[error("effect {effect}: size `{size}` is neither small, medium, large nor a positive number")]
+    #[error("effect {effect}: size `{size}` is neither small, medium, large, a level as @-1.5, nor a positive number")]
     Size {
         /// Of which effect.
         effect: &'static str,

@@ -230,7 +230,7 @@ impl Effect {
 }
 
 impl Size {
-    /// From `small`, `medium`, `large` or a number.
+    /// From `small`, `medium`, `large`, a level as `@-1.5`, or a number.
     ///
     /// # Errors
     /// [`EffectError::Size`] for anything else.
@@ -239,7 +239,11 @@ impl Size {
             "small" => Ok(Self::Small),
             "medium" => Ok(Self::Medium),
             "large" => Ok(Self::Large),
-            _ => text.parse().map(Self::Exact).map_err(|_| EffectError::Size { effect, size: text.to_owned() }),
+            _ => match text.strip_prefix('@') {
+                Some(level) => level.parse().map(Self::Level),
+                None => text.parse().map(Self::Exact),
+            }
+            .map_err(|_| EffectError::Size { effect, size: text.to_owned() }),
         }
     }
 

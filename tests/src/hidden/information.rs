@@ -14,6 +14,7 @@ use host::diagnose::margin;
 use host::effect::{Effect, Size};
 use host::robot::Robot;
 use host::simulate::{Direct, EffectChoice, Options, SHORT_MOTION};
+use serde::{Deserialize, Serialize};
 use solve::levenberg::Settings;
 
 /// Recordings at most.
@@ -23,16 +24,20 @@ const NEAR: f64 = 1.4;
 /// The first level: below the catalogue's small.
 const FIRST: f64 = -3.0;
 /// Steps between levels.
-const FARTHEST: f64 = 4.0;
-/// What the logarithm of a margin grows by with a level, before two are known.
-const USUAL_SLOPE: f64 = 1.6;
+const FARTHEST: f64 = 6.0;
+/// Where nothing is to be seen yet.
+const UP: f64 = 1.5;
+/// What the logarithm of a margin grows by with a level, before two are known: the square of 2.7, the usual ratio of sizes.
+const USUAL_SLOPE: f64 = 2.0;
+/// Slopes that are believed, and one over it.
+const STEEPEST: f64 = 10.0;
 /// Less than this is nothing: noise makes as much.
 const LEAST: f64 = 2.0;
 /// Motions of one robot: the first is the case itself.
 const OF_PROBES: u64 = 2;
 
 /// A level of an effect, and the margin there.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Sized {
     /// See [`Size::Level`].
     pub level: f64,
@@ -72,9 +77,10 @@ fn search(mut probe: impl FnMut(f64) -> Option<f64>, target: f64) -> Sized {
     // The nearest below and above.
     let (mut below, mut above): (Option<Sized>, Option<Sized>) = (None, None);
     let mut best: Option<Sized> = None;
-    let mut level = FIRST;
+    let (mut seen, mut level) = (Vec::new(), FIRST);
     for _ in 0..MOST_PROBES {
         let margin = probe(level);
+        tracing::debug!(level, margin, target, "probe");
         let at = Sized { level, margin: margin.unwrap_or(0.0) };
         if margin.is_some() && best.is_none_or(|best| off(at.margin).abs() < off(best.margin).abs()) {
             best = Some(at);
@@ -87,20 +93,30 @@ fn search(mut probe: impl FnMut(f64) -> Option<f64>, target: f64) -> Sized {
         } else {
             above = Some(at);
         }
-        level = match (below, above) {
-            (Some(low), Some(high)) => {
-                // A straight line between them, but not into their corners.
-                let share = -off(low.margin) / (off(high.margin) - off(low.margin));
-                let share = if low.margin > LEAST { share } else { 0.5 * (1.0 + share) };
-                low.level + share.clamp(0.1, 0.9) * (high.level - low.level)
-            }
-            (Some(only), None) | (None, Some(only)) => {
-                only.level - (off(only.margin) / USUAL_SLOPE).clamp(-FARTHEST, FARTHEST)
-            }
-            (None, None) => level,
-        };
+        if margin.is_some_and(|margin| margin > LEAST) {
+            seen.push(at);
+        }
+        level = next(&seen, target, level);
+        // Inside of what is known, and not into its corners.
+        let width = above.zip(below).map_or(f64::INFINITY, |(above, below)| above.level - below.level);
+        let corner = if width.is_finite() { 0.15 * width } else { 1e-3 };
+        let low = below.map_or(f64::NEG_INFINITY, |below| below.level + corner);
+        let high = above.map_or(f64::INFINITY, |above| above.level - corner);
+        level = level.max(low).min(high);
     }
     best.unwrap_or(Sized { level, margin: 0.0 })
+}
+
+/// Where a straight line through the logarithms of the two margins nearest to the target leads; with one margin, a line of the usual slope, and
+/// with none up.
+fn next(seen: &[Sized], target: f64, level: f64) -> f64 {
+    let off = |at: &Sized| (at.margin / target).ln();
+    let mut nearest = seen.to_vec();
+    nearest.sort_by(|a, b| off(a).abs().total_cmp(&off(b).abs()));
+    let Some(first) = nearest.first() else { return level + UP };
+    let slope = nearest.get(1).map(|second| (off(first) - off(second)) / (first.level - second.level));
+    let slope = slope.filter(|slope| (STEEPEST.recip()..STEEPEST).contains(slope)).unwrap_or(USUAL_SLOPE);
+    first.level - (off(first) / slope).clamp(-FARTHEST, FARTHEST)
 }
 
 #[cfg(test)]

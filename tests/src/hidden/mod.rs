@@ -21,7 +21,7 @@ use serde::{Deserialize, Serialize};
 use solve::levenberg::Settings;
 
 pub use disturbance::Disturbance;
-use information::{asked, sized};
+use information::{Sized, asked, sized};
 pub use scoreboard::{Scoreboard, wilson};
 
 /// What is hidden, and in which robot.
@@ -73,9 +73,9 @@ pub struct Outcome {
     pub errors: Vec<(String, f64)>,
     /// How long the diagnosis took, s.
     pub seconds: f64,
-    /// Of sizes by information, the margin of each effect alone.
+    /// Of sizes by information, level and margin of each effect alone.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub margins: Vec<f64>,
+    pub sized: Vec<Sized>,
 }
 
 /// What the whole study covers: nothing hidden, every effect at three sizes, pairs, and effects that the diagnosis does not know.
@@ -137,14 +137,14 @@ const OUTSIDERS: [&str; 4] = ["cogging", "quadratic_drag", "belt_hardening", "gr
 pub fn outcome(case: &Case) -> Outcome {
     let robot = Robot::builtin("doggy").expect("the built-in robot is valid");
     let mut options = Options { seed: case.seed, ..Options::new(robot.clone()) };
-    let mut margins = Vec::new();
+    let mut levels = Vec::new();
     for id in &case.effects {
         let effect = Effect::by_id(id).expect("cases are made of the catalogue");
         let size = match case.sizes {
             Sizes::Catalogue => Size::parse(effect.id, &case.size).expect("sizes have names"),
             Sizes::Information => {
                 let sized = sized(effect, case.seed, asked(&case.size));
-                margins.push(sized.margin);
+                levels.push(sized);
                 Size::Level(sized.level)
             }
         };
@@ -160,7 +160,7 @@ pub fn outcome(case: &Case) -> Outcome {
     let seconds = clock.elapsed().as_secs_f64();
     let truth = simulated.effects.iter().flat_map(|effect| &effect.parameters);
     let truth = truth.map(|value| (value.name.clone(), value.value)).collect();
-    Outcome { margins, ..compare(case, &found, &as_it_shows(truth), seconds) }
+    Outcome { sized: levels, ..compare(case, &found, &as_it_shows(truth), seconds) }
 }
 
 /// Viscous friction that is common to all joints is back-EMF; what shows is the rest of it.
@@ -193,7 +193,7 @@ fn compare(case: &Case, found: &Diagnosis, truth: &[(String, f64)], seconds: f64
         is_right_place,
         errors: truth.iter().filter_map(error).collect(),
         seconds,
-        margins: Vec::new(),
+        sized: Vec::new(),
     }
 }
 

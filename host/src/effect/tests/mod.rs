@@ -78,6 +78,7 @@ fn confounded_names_exist() {
 fn sizes_come_from_names_numbers_and_the_seed() {
     assert_eq!(Size::parse("backlash", "large").unwrap(), Size::Large);
     assert_eq!(Size::parse("backlash", "0.003").unwrap(), Size::Exact(0.003));
+    assert_eq!(Size::parse("backlash", "@-1.5").unwrap(), Size::Level(-1.5));
     let error = Size::parse("backlash", "huge").unwrap_err().to_string();
     assert!(error.contains("backlash") && error.contains("huge"), "{error}");
     let error = Effect::by_id("base_baering").unwrap_err().to_string();
