@@ -4,7 +4,7 @@
 
 use super::refit::{Events, Refit, refit};
 use super::search::{Scanned, Search, scan};
-use super::{DiagnoseError, benches, candidate};
+use super::{DiagnoseError, benches, candidate, fitted_and_unseen};
 use crate::calibrate::{Method, Preset, fit};
 use crate::effect::Effect;
 use crate::recording::Recording;
@@ -13,7 +13,7 @@ use solve::levenberg::Settings;
 
 /// Twice the difference of the log-likelihoods of two refits on the samples that decide: of the law of `effect`, and of the best of its rivals
 /// (those that [`diagnose`](super::diagnose) would try). Zero where a rival fits better. A rival with more parameters that fits as well holds the
-/// law as a special case, and is none.
+/// law as a special case, and is none. The last third of the recording is left out, as by a diagnosis without another recording.
 ///
 /// # Errors
 /// As a diagnosis.
@@ -23,7 +23,8 @@ pub fn margin(
     effect: &'static Effect,
     settings: &Settings,
 ) -> Result<f64, DiagnoseError> {
-    let base = fit(robot, &[recording], Method::suited(Preset::Default, robot), settings, |_, _| {})?;
+    let [fitted, _] = fitted_and_unseen(recording);
+    let base = fit(robot, &[&fitted], Method::suited(Preset::Default, robot), settings, |_, _| {})?;
     let [(few, on_few), (bench, trial)] = benches(robot, &base, settings)?;
     let (candidates, _) = candidate::catalogue(robot, &[]);
     let events = Events::of(bench.trimmed(&trial)?, &candidates);

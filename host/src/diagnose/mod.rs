@@ -19,6 +19,7 @@ mod refit;
 mod result;
 pub mod scan;
 mod search;
+mod settle;
 mod shapeless;
 mod significance;
 mod tell;
@@ -94,8 +95,7 @@ pub fn diagnose(
     for id in &options.without {
         Effect::by_id(id)?;
     }
-    let cut = recording.len() * 2 / 3;
-    let parts = [recording.part(0..cut), recording.part(cut..recording.len())];
+    let parts = fitted_and_unseen(recording);
     let (fitted, unseen) = holdout.map_or((&parts[0], &parts[1]), |holdout| (recording, holdout));
     step("calibrating the base model");
     let base = fit(robot, &[fitted], Method::suited(Preset::Default, robot), &options.settings, |_, _| {})?;
@@ -123,6 +123,12 @@ pub fn diagnose(
     };
     let holdout = holdout.map(|recording| recording.source.path.display().to_string());
     Ok(tell::tell(&bench, &trial, &found, (&base, extended), gain, unsuited, holdout)?)
+}
+
+/// The two thirds of a recording that are fitted where there is no other, and the last one.
+fn fitted_and_unseen(recording: &Recording) -> [Recording; 2] {
+    let cut = recording.len() * 2 / 3;
+    [recording.part(0..cut), recording.part(cut..recording.len())]
 }
 
 /// The base model on few samples, and on those that decide.

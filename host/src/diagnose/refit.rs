@@ -134,7 +134,7 @@ fn best_of_scan(on: &Refit<'_>, scanned: Vec<Scanned>) -> Vec<Scanned> {
 }
 
 /// Whether one may be taken for the other.
-fn are_alike(a: &Effect, b: &Effect) -> bool {
+pub fn are_alike(a: &Effect, b: &Effect) -> bool {
     a.confounded_with.contains(&b.id) || b.confounded_with.contains(&a.id)
 }
 

@@ -14,6 +14,7 @@ use super::axes::axes_of_score;
 use super::candidate::{Candidate, Curves, PLACES, Place};
 use super::refit::{Events, Refit, refit, straighten};
 use super::scan::{Scan, Score};
+use super::settle::accept;
 use super::significance::p_of_score;
 use crate::calibrate::{Bench, CalibrateError, Trial};
 use crate::effect::{CATALOGUE, Effect};
@@ -23,21 +24,19 @@ use crate::model::law::Law;
 pub const LEVEL: f64 = 0.01;
 /// Most causes.
 const MOST_FINDINGS: usize = 4;
-/// Iterations of a model that has lost one of its laws.
-const DROP_ITERATIONS: usize = 8;
+/// Iterations of a model that has lost one of its laws, or has another one in its place.
+pub const DROP_ITERATIONS: usize = 8;
 /// Curves are linear in their coefficients.
 const CURVE_ITERATIONS: usize = 3;
 const CURVES_REFITTED: usize = 2;
 /// Iterations of a model that stays.
-const FINAL_ITERATIONS: usize = 25;
+pub const FINAL_ITERATIONS: usize = 25;
 /// A named law explains this share of what the best curve does.
 const NAMED_SHARE: f64 = 0.8;
 /// Of what accepted causes explain, the share that another law on the same equation has to add to be one more cause.
 const REST: f64 = 0.01;
 /// Of two laws together.
 const PAIR_ITERATIONS: usize = 8;
-/// Laws whose scores differ by less cannot be told apart.
-const ALIAS: f64 = 12.0;
 
 /// An effect with one of its laws.
 #[derive(Debug, Clone)]
@@ -93,6 +92,8 @@ pub struct Accepted {
     pub score: f64,
     /// See [`Scanned::p_family`].
     pub p_family: f64,
+    /// See [`Scanned::freedom`].
+    pub freedom: usize,
     /// What was refitted in its place.
     pub rivals: Vec<Rival>,
 }
@@ -101,7 +102,9 @@ pub struct Accepted {
 #[derive(Debug, Clone)]
 pub struct Rival {
     /// Which.
-    pub effect: &'static Effect,
+    pub named: Named,
+    /// See [`Scanned::freedom`].
+    pub freedom: usize,
     /// Twice the log-likelihood gained.
     pub score: f64,
     /// See [`axes`](super::axes::axes).
@@ -208,7 +211,7 @@ pub fn search(
                     before_doubt = before_doubt.or(Some(Search { refused: Some(refused), left: curves, ..before }));
                 }
                 let from = from.as_ref().unwrap_or(&found.trial);
-                on_few = few.fit(&all_laws(&found), from, FINAL_ITERATIONS)?;
+                on_few = few.fit(&found.laws(), from, FINAL_ITERATIONS)?;
                 if before_doubt.is_some() && !on_few.is_possible() {
                     on_few = few.fit_within(&on_few, FINAL_ITERATIONS)?;
                 }
@@ -265,8 +268,13 @@ fn note<'a>(what: &str, scanned: impl Iterator<Item = &'a Scanned>) {
 
 /// What a law is worth on so many samples: its score less Schwarz's price of its parameters. A law that contains another one as a special
 /// case gains as much; the simpler one is meant.
-fn worth(scanned: &Scanned, samples: usize) -> f64 {
-    scanned.score - scanned.freedom as f64 * (samples.max(2) as f64).ln()
+pub fn worth(scanned: &Scanned, samples: usize) -> f64 {
+    scanned.score - price(scanned.freedom, samples)
+}
+
+/// Schwarz's price of so many parameters.
+pub fn price(freedom: usize, samples: usize) -> f64 {
+    freedom as f64 * (samples.max(2) as f64).ln()
 }
 
 /// The best alternative of every candidate that is not in yet, and the scan that they come from.
@@ -334,42 +342,6 @@ fn curves(
     Ok(places.iter().take(CURVES_REFITTED).filter_map(|(place, _)| fit(place)).collect())
 }
 
-fn accept(bench: &Bench<'_>, found: &mut Search, best: Scanned, refitted: &[Scanned]) -> Result<(), CalibrateError> {
-    let samples = bench.series().stages();
-    let rivals = refitted
-        .iter()
-        .filter(|other| other.named.effect.id != best.named.effect.id)
-        .map(|other| Rival {
-            effect: other.named.effect,
-            score: other.score,
-            axes: other.axes.clone(),
-            is_alias: worth(&best, samples) - worth(other, samples) < ALIAS,
-        })
-        .collect();
-    found.accepted.push(Accepted { named: best.named, score: best.score, p_family: best.p_family, rivals });
-    let from = best.trial.unwrap_or_else(|| found.trial.clone());
-    found.trial = bench.fit(&all_laws(found), &from, FINAL_ITERATIONS)?;
-    // What came in first may have stood for what came in last.
-    let mut place = 0;
-    while found.accepted.len() > 1 && place + 1 < found.accepted.len() {
-        let (trial, lost) = found.without(bench, place)?;
-        let dropped = &found.accepted[place].named;
-        let p = p_of_score(lost / found.trial.inflation, dropped.law.parameters().coordinates.len());
-        tracing::debug!(effect = dropped.effect.id, lost, p, "drop?");
-        if p > LEVEL {
-            found.accepted.remove(place);
-            found.trial = trial;
-        } else {
-            place += 1;
-        }
-    }
-    Ok(())
-}
-
-fn all_laws(found: &Search) -> Vec<Arc<dyn Law>> {
-    laws(found.accepted.iter().map(|accepted| &accepted.named))
-}
-
 impl Search {
     /// Nothing found yet beyond the model of `trial`.
     pub fn at(trial: &Trial) -> Self {
@@ -382,6 +354,11 @@ impl Search {
             refused: None,
             taken_back: 0.0,
         }
+    }
+
+    /// All accepted laws, in the catalogue's order.
+    pub fn laws(&self) -> Vec<Arc<dyn Law>> {
+        laws(self.accepted.iter().map(|accepted| &accepted.named))
     }
 
     /// Takes back the cause of this law of [`Search::trial`].

@@ -48,12 +48,17 @@ pub fn tell(
             explained_excess: (own / excess).clamp(0.0, 1.0),
             shape_final: left_in_place <= FINAL_SHARE * own,
             parameters,
-            aliases: accepted.rivals.iter().filter(|rival| rival.is_alias).map(|r| r.effect.id.to_string()).collect(),
+            aliases: accepted
+                .rivals
+                .iter()
+                .filter(|rival| rival.is_alias)
+                .map(|r| r.named.effect.id.to_string())
+                .collect(),
             rivals: accepted
                 .rivals
                 .iter()
                 .map(|rival| Rival {
-                    effect: rival.effect.id.to_string(),
+                    effect: rival.named.effect.id.to_string(),
                     axes: rival.axes.clone(),
                     score: rival.score,
                 })

@@ -19,7 +19,7 @@ pub(super) const EFFECT: Effect = Effect {
     title: "free play in the transmission",
     equation: "τ_c = 0 inside ±h, k_s (q − θ ∓ h) + d_s (q̇ − θ̇) outside",
     parameters: &[EffectParameter { name: "h[i]", unit: "rad", sizes: "half gap 2, 8, 20 mrad (1 to 30 met)" }],
-    confounded_with: &["belt_hardening", "k_s"],
+    confounded_with: &["belt_hardening", "belt_hysteresis", "k_s"],
     about: "Worn teeth or a slack belt leave a gap in which motor and link do not feel each other. At every reversal \
             the motor crosses it alone, then meets the link with a blow.",
     make,

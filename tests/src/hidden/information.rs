@@ -66,7 +66,9 @@ pub fn sized(effect: &'static Effect, seed: u64, target: f64) -> Sized {
         let options = Options { seed, effects, ..Options::new(robot.clone()) };
         // A lag may be shorter than the plant's step can follow.
         let simulated = Direct::record_nth(&options, SHORT_MOTION, OF_PROBES).ok()?;
-        Some(margin(&robot, &simulated.recording, effect, &settings).unwrap_or(0.0))
+        let margin = margin(&robot, &simulated.recording, effect, &settings).unwrap_or(0.0);
+        tracing::debug!(effect = effect.id, seed, level, margin, target, "probe");
+        Some(margin)
     };
     search(probe, target)
 }
@@ -80,7 +82,6 @@ fn search(mut probe: impl FnMut(f64) -> Option<f64>, target: f64) -> Sized {
     let (mut seen, mut level) = (Vec::new(), FIRST);
     for _ in 0..MOST_PROBES {
         let margin = probe(level);
-        tracing::debug!(level, margin, target, "probe");
         let at = Sized { level, margin: margin.unwrap_or(0.0) };
         if margin.is_some() && best.is_none_or(|best| off(at.margin).abs() < off(best.margin).abs()) {
             best = Some(at);
@@ -99,7 +100,18 @@ fn search(mut probe: impl FnMut(f64) -> Option<f64>, target: f64) -> Sized {
         level = next(&seen, target, level);
         // Inside of what is known, and not into its corners.
         let width = above.zip(below).map_or(f64::INFINITY, |(above, below)| above.level - below.level);
-        let corner = if width.is_finite() { 0.15 * width } else { 1e-3 };
+        // Where nothing shows below, no line leads: halfway.
+        let blind = below.is_some_and(|below| below.margin <= LEAST);
+        let corner = if !width.is_finite() {
+            1e-3
+        } else {
+            if blind {
+                0.5
+            } else {
+                0.15
+            }
+            *width
+        };
         let low = below.map_or(f64::NEG_INFINITY, |below| below.level + corner);
         let high = above.map_or(f64::INFINITY, |above| above.level - corner);
         level = level.max(low).min(high);

@@ -54,6 +54,44 @@ pub enum Sizes {
     Information,
 }
 
+/// What kind of riddle a case is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    /// One effect of the catalogue.
+    Single,
+    /// Two.
+    Pairs,
+    /// One that the diagnosis does not know.
+    Outsiders,
+    /// No effect.
+    Nothing,
+}
+
+impl Kind {
+    /// From its name on the command line.
+    pub fn parse(name: &str) -> Option<Self> {
+        match name {
+            "single" => Some(Self::Single),
+            "pairs" => Some(Self::Pairs),
+            "outsiders" => Some(Self::Outsiders),
+            "nothing" => Some(Self::Nothing),
+            _ => None,
+        }
+    }
+}
+
+impl Case {
+    /// What kind it is of.
+    pub fn kind(&self) -> Kind {
+        match self.effects.len() {
+            0 => Kind::Nothing,
+            _ if self.is_outsider => Kind::Outsiders,
+            1 => Kind::Single,
+            _ => Kind::Pairs,
+        }
+    }
+}
+
 /// What became of a case.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Outcome {

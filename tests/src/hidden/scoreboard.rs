@@ -5,7 +5,7 @@ use std::fmt;
 use host::diagnose::Verdict;
 use host::effect::Effect;
 
-use super::{Disturbance, Outcome};
+use super::{Disturbance, Kind, Outcome};
 
 /// The 95 % interval of a share of which `hits` of `n` were seen (Wilson 1927).
 pub fn wilson(hits: usize, n: usize) -> [f64; 2] {
@@ -23,6 +23,8 @@ pub fn wilson(hits: usize, n: usize) -> [f64; 2] {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scoreboard {
     rows: Vec<(String, usize, usize)>,
+    /// How well the parameters of effects are met, a line a size.
+    sizes: Vec<String>,
     /// What went wrong, a line a case.
     misses: Vec<String>,
 }
@@ -30,24 +32,25 @@ pub struct Scoreboard {
 impl Scoreboard {
     /// Counts.
     pub fn of(outcomes: &[Outcome]) -> Self {
-        let mut board = Scoreboard { rows: Vec::new(), misses: Vec::new() };
+        let mut board = Scoreboard { rows: Vec::new(), sizes: Vec::new(), misses: Vec::new() };
         let group = |is: &dyn Fn(&Outcome) -> bool| outcomes.iter().filter(|o| is(o)).collect::<Vec<_>>();
         for (disturbance, of) in [
             (Disturbance::Nothing, ""),
             (Disturbance::JitteredStamps, ", stamps that jitter"),
             (Disturbance::ColouredNoise, ", coloured noise of the gyros"),
         ] {
-            let nothing = group(&|o| o.case.effects.is_empty() && o.case.disturbance == disturbance);
+            let nothing = group(&|o| o.case.kind() == Kind::Nothing && o.case.disturbance == disturbance);
             board.row(&format!("nothing hidden{of}: nothing found"), &nothing, |o| o.verdict == Verdict::None);
         }
         for size in ["large", "medium", "small"] {
-            let single = group(&|o| o.case.effects.len() == 1 && o.case.size == size && !o.case.is_outsider);
+            let single = group(&|o| o.case.kind() == Kind::Single && o.case.size == size);
             board.row(&format!("one {size} effect: named, and nothing else"), &single, |o| o.named == o.case.effects);
             board.row(&format!("one {size} effect: it or one of its class"), &single, in_class);
+            board.sizes(size, &single);
         }
-        let pairs = group(&|o| o.case.effects.len() == 2);
+        let pairs = group(&|o| o.case.kind() == Kind::Pairs);
         board.row("two medium effects: both named", &pairs, |o| o.case.effects.iter().all(|id| o.named.contains(id)));
-        let outsiders = group(&|o| o.case.is_outsider);
+        let outsiders = group(&|o| o.case.kind() == Kind::Outsiders);
         board.row("an effect that is not in the catalogue: unknown", &outsiders, |o| o.verdict == Verdict::Unknown);
         let placed = |o: &Outcome| o.verdict == Verdict::Unknown && o.is_right_place;
         board.row("the same: unknown, on the right equation and joint", &outsiders, placed);
@@ -56,6 +59,22 @@ impl Scoreboard {
         board.misses = outcomes.iter().filter(wrong).map(miss).collect();
         board.misses.sort();
         board
+    }
+
+    /// Of effects that were named, the median of every effect's worst parameter and of all parameters.
+    fn sizes(&mut self, size: &str, outcomes: &[&Outcome]) {
+        let median = |mut errors: Vec<f64>| {
+            errors.sort_by(f64::total_cmp);
+            errors.get(errors.len() / 2).map(|error| 100.0 * error)
+        };
+        let of = |outcome: &Outcome| outcome.errors.iter().map(|(_, error)| error.abs()).collect::<Vec<_>>();
+        let worst = outcomes.iter().filter_map(|outcome| of(outcome).into_iter().reduce(f64::max)).collect();
+        let all: Vec<f64> = outcomes.iter().flat_map(|outcome| of(outcome)).collect();
+        let n = all.len();
+        if let (Some(worst), Some(all)) = (median(worst), median(all)) {
+            let line = format!("{size}: half of {n} parameters are off by less than {all:.2} %");
+            self.sizes.push(format!("{line}, half of all effects in none by more than {worst:.2} %"));
+        }
     }
 
     fn row(&mut self, what: &str, outcomes: &[&Outcome], is_hit: impl Fn(&Outcome) -> bool) {
@@ -93,6 +112,10 @@ impl fmt::Display for Scoreboard {
             let [low, high] = wilson(*hits, *n).map(|share| 100.0 * share);
             let share = 100.0 * *hits as f64 / *n as f64;
             writeln!(f, "| {what} | {hits} of {n} | {share:.0} % | {low:.0}–{high:.0} % |")?;
+        }
+        if !self.sizes.is_empty() {
+            writeln!(f)?;
+            self.sizes.iter().try_for_each(|line| writeln!(f, "* {line}"))?;
         }
         if !self.misses.is_empty() {
             writeln!(f, "\nOther answers than what was hidden:")?;
