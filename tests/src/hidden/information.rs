@@ -102,16 +102,8 @@ fn search(mut probe: impl FnMut(f64) -> Option<f64>, target: f64) -> Sized {
         let width = above.zip(below).map_or(f64::INFINITY, |(above, below)| above.level - below.level);
         // Where nothing shows below, no line leads: halfway.
         let blind = below.is_some_and(|below| below.margin <= LEAST);
-        let corner = if !width.is_finite() {
-            1e-3
-        } else {
-            if blind {
-                0.5
-            } else {
-                0.15
-            }
-            *width
-        };
+        let share = if blind { 0.5 } else { 0.15 };
+        let corner = if width.is_finite() { share * width } else { 1e-3 };
         let low = below.map_or(f64::NEG_INFINITY, |below| below.level + corner);
         let high = above.map_or(f64::INFINITY, |above| above.level - corner);
         level = level.max(low).min(high);
