@@ -21,7 +21,7 @@ pub struct Args {
     /// A symbolic link to the port, for a path that does not change
     #[arg(long, value_name = "PATH")]
     link: Option<PathBuf>,
-    /// An effect in the plant, as base_bearing, backlash=large or backlash=0.008; may be repeated
+    /// An effect in the plant, as base_bearing, backlash=large, backlash=@-1.5 (a level: -1 is small, 0 medium, 1 large) or backlash=0.008; may be repeated
     #[arg(long = "effect", value_name = "ID[=SIZE]")]
     effects: Vec<EffectChoice>,
     /// Hide an effect drawn by this seed
