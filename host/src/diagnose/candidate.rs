@@ -18,6 +18,12 @@ pub struct Candidate {
 }
 
 impl Candidate {
+    /// With the first of its alternatives only.
+    pub fn first(&self, alternatives: usize) -> Self {
+        let alternatives = self.alternatives.iter().take(alternatives).cloned().collect();
+        Candidate { effect: self.effect, alternatives }
+    }
+
     /// Its law from what the recording shows of events and contacts.
     pub fn starts(&self, clues: &Clues) -> Vec<Arc<dyn Law>> {
         self.alternatives.first().filter(|law| law.is_event()).map_or_else(Vec::new, |law| law.starts(clues))

@@ -3,7 +3,8 @@
 //! What a diagnosis can be asked for depends on nothing else. Studies set the sizes of what they hide by it.
 
 use super::refit::{Events, Refit, refit};
-use super::search::{Scanned, Search, scan};
+use super::scan::Scan;
+use super::search::{Scanned, Search, USUAL_ALTERNATIVES, scan};
 use super::{DiagnoseError, benches, candidate, fitted_and_unseen};
 use crate::calibrate::{Method, Preset, fit};
 use crate::effect::Effect;
@@ -29,18 +30,22 @@ pub fn margin(
     let (candidates, _) = candidate::catalogue(robot, &[]);
     let events = Events::of(bench.trimmed(&trial)?, &candidates);
     let found = Search::at(&trial);
-    let (mut scanned, family) = scan(&few, &found.accepted, &on_few, &candidates)?;
-    // Its own class is that of the best.
     let is_own = |scanned: &Scanned| scanned.named.effect.id == effect.id;
-    scanned.sort_by(|a, b| is_own(b).cmp(&is_own(a)).then(b.score.total_cmp(&a.score)));
-    let refitted = refit(
-        &Refit { few: &few, on_few: &on_few, bench: &bench, found: &found, family: &family, events: &events },
-        scanned,
-    );
-    for s in &refitted {
+    let refitted = |(mut scanned, family): (Vec<Scanned>, Scan)| {
+        // Its own class is that of the best.
+        scanned.sort_by_key(|scanned| !is_own(scanned));
+        let on = Refit { few: &few, on_few: &on_few, bench: &bench, found: &found, family: &family, events: &events };
+        refit(&on, scanned)
+    };
+    let mut tried = refitted(scan(&few, &found.accepted, &on_few, &candidates)?);
+    if !tried.iter().any(|scanned| is_own(scanned) && scanned.score > 0.0) {
+        let usual: Vec<_> = candidates.iter().map(|candidate| candidate.first(USUAL_ALTERNATIVES)).collect();
+        tried = refitted(scan(&bench, &found.accepted, &trial, &usual)?);
+    }
+    for s in &tried {
         tracing::debug!(effect = s.named.effect.id, score = s.score, freedom = s.freedom, "margin");
     }
-    Ok(over_the_nearest(&refitted, is_own))
+    Ok(over_the_nearest(&tried, is_own))
 }
 
 fn over_the_nearest(refitted: &[Scanned], is_own: impl Fn(&Scanned) -> bool) -> f64 {

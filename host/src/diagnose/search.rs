@@ -22,6 +22,8 @@ use crate::model::law::Law;
 
 /// Share of noise in which anything is found at all.
 pub const LEVEL: f64 = 0.01;
+/// Alternatives of a law that are scanned on the samples that decide, where few samples show nothing: a scan costs in proportion to both.
+pub const USUAL_ALTERNATIVES: usize = 2;
 /// Most causes.
 const MOST_FINDINGS: usize = 4;
 /// Iterations of a model that has lost one of its laws, or has another one in its place.
@@ -153,24 +155,22 @@ pub fn search(
 ) -> Result<Search, CalibrateError> {
     let mut found = Search::at(base);
     let mut on_few = few_base.clone();
+    let usual: Vec<Candidate> = candidates.iter().map(|candidate| candidate.first(USUAL_ALTERNATIVES)).collect();
     // Where the search stood when it accepted a cause that no robot can have unless another one is found beside it.
     let mut before_doubt: Option<Search> = None;
     loop {
         step("scanning the catalogue");
-        let (mut scanned, family) = scan(few, &found.accepted, &on_few, candidates)?;
-        scanned.sort_by(|a, b| b.score.total_cmp(&a.score));
-        if found.accepted.is_empty() {
-            found.first_scan = scanned.clone();
-        }
-        note("scan", scanned.iter().take(12));
+        let (mut scanned, of_few) = scan(few, &found.accepted, &on_few, candidates)?;
+        let (of_enough, mut family);
+        family = &of_few;
         step("refitting the best");
-        let on = Refit { few, on_few: &on_few, bench, found: &found, family: &family, events };
+        let on = |family| Refit { few, on_few: &on_few, bench, found: &found, family, events };
         let samples = bench.series().stages();
         let best_first = |refitted: &mut Vec<Scanned>| {
             refitted.sort_by(|a, b| worth(b, samples).total_cmp(&worth(a, samples)));
             note("refit", refitted.iter());
         };
-        let mut refitted = refit(&on, scanned);
+        let mut refitted = refit(&on(family), scanned.clone());
         best_first(&mut refitted);
         step("holding them against curves");
         let mut curves = curves(few, &on_few, (bench, &found.trial))?;
@@ -189,14 +189,23 @@ pub fn search(
             enough(best.score) || enough(with_another(bench, &found, best, refitted, enough))
         };
         let mut best = refitted.iter().find(earns).cloned();
+        if best.is_none() {
+            step("scanning more samples");
+            (scanned, of_enough) = scan(bench, &found.accepted, &found.trial, &usual)?;
+            family = &of_enough;
+            refitted = refit(&on(family), scanned.clone());
+            best_first(&mut refitted);
+            best = refitted.iter().find(earns).cloned();
+        }
         let mut holds = may_go_on && best.as_ref().is_some_and(|best| is_held(best, &refitted));
         if may_go_on && !holds && rival.is_some() && refitted.iter().any(|s| s.bent.is_some()) {
-            straighten(&on, &mut refitted);
+            straighten(&on(family), &mut refitted);
             best_first(&mut refitted);
             best = refitted.iter().find(earns).cloned();
             holds = best.as_ref().is_some_and(|best| is_held(best, &refitted));
         }
         if found.accepted.is_empty() {
+            found.first_scan = scanned;
             found.first_curves = curves.clone();
         }
         match best {
@@ -277,7 +286,10 @@ pub fn price(freedom: usize, samples: usize) -> f64 {
     freedom as f64 * (samples.max(2) as f64).ln()
 }
 
-/// The best alternative of every candidate that is not in yet, and the scan that they come from.
+/// The best alternative of every candidate that is not in yet, and the scan that they come from; best first.
+///
+/// # Errors
+/// As a calibration's.
 pub fn scan(
     bench: &Bench<'_>,
     accepted: &[Accepted],
@@ -311,6 +323,8 @@ pub fn scan(
             None => best.push(scanned),
         }
     }
+    best.sort_by(|a, b| b.score.total_cmp(&a.score));
+    note("scan", best.iter().take(12));
     Ok((best, scan))
 }
 
