@@ -26,14 +26,14 @@ const CORE: [&str; 16] = [
     "input_delay",
     "gyro_lag",
 ];
-const DRAWN: usize = 11;
+const DRAWN: usize = 7;
 const SEED: u64 = 20;
 /// Small is just worth knowing; two levels below it the recording still tells it from its rivals by far.
 const SIZES: [&str; 2] = ["small", "@-2"];
 /// Filters that are faster than the plant's step can follow are none.
 const NOT_TINY: [&str; 1] = ["gyro_lag"];
 
-/// Eleven effects at two sizes, and a robot without any.
+/// Seven effects at two sizes, and a robot without any.
 fn drawn() -> Vec<Case> {
     let mut effects = CORE;
     effects.shuffle(&mut ChaCha8Rng::seed_from_u64(SEED));
@@ -65,8 +65,8 @@ fn what_is_hidden_is_found() {
     for Outcome { case, named, verdict, errors, .. } in &outcomes {
         assert_eq!(named, &case.effects, "{case:?}");
         assert_eq!(*verdict, if named.is_empty() { Verdict::None } else { Verdict::Named }, "{case:?}");
-        // 0.2 % of large effects and 4.3 % of medium ones measured.
-        let limit = if case.size == "large" { 0.01 } else { 0.1 };
+        // 4.2 % of small effects measured, and 17 % of those two levels below.
+        let limit = if case.size == SIZES[0] { 0.08 } else { 0.3 };
         let worst = errors.iter().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
         eprintln!("{:?}, {}: worst parameter {worst:?}", case.effects, case.size);
         for (name, error) in errors {

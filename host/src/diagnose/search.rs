@@ -189,7 +189,8 @@ pub fn search(
             enough(best.score) || enough(with_another(bench, &found, best, refitted, enough))
         };
         let mut best = refitted.iter().find(earns).cloned();
-        if best.is_none() {
+        // What laws leave of large effects shows there too, and is no cause of its own.
+        if best.is_none() && found.accepted.is_empty() {
             step("scanning more samples");
             (scanned, of_enough) = scan(bench, &found.accepted, &found.trial, &usual)?;
             family = &of_enough;
@@ -198,7 +199,9 @@ pub fn search(
             best = refitted.iter().find(earns).cloned();
         }
         let mut holds = may_go_on && best.as_ref().is_some_and(|best| is_held(best, &refitted));
-        if may_go_on && !holds && rival.is_some() && refitted.iter().any(|s| s.bent.is_some()) {
+        // A first cause may be bent by a second one; after a sound one it is what that leaves.
+        let may_be_bent = found.accepted.is_empty() || before_doubt.is_some();
+        if may_go_on && may_be_bent && !holds && rival.is_some() && refitted.iter().any(|s| s.bent.is_some()) {
             straighten(&on(family), &mut refitted);
             best_first(&mut refitted);
             best = refitted.iter().find(earns).cloned();
