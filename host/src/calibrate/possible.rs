@@ -77,7 +77,7 @@ mod tests {
         assert_eq!(with(50.0, 1.0), []);
         assert_eq!(with(-2.9, 1.0), []);
         let at_zero = Beyond { law: 1, name: "belt_hysteresis.k1[1]".into(), coordinate: Some(0), end: 0.0 };
-        assert_eq!(with(-3.1, 1.0), [at_zero.clone()]);
+        assert_eq!(with(-3.1, 1.0), std::slice::from_ref(&at_zero));
         assert_eq!(with(f64::NAN, 1.0), [at_zero]);
         let others = [("backlash.h[1]", 0.3, None), ("belt_hysteresis.tau[2]", f64::INFINITY, None)];
         let ends: Vec<_> =

@@ -22,8 +22,6 @@ use crate::model::law::Law;
 
 /// Share of noise in which anything is found at all.
 pub const LEVEL: f64 = 0.01;
-/// Alternatives of a law that are scanned on the samples that decide, where few samples show nothing: a scan costs in proportion to both.
-pub const USUAL_ALTERNATIVES: usize = 2;
 /// Most causes.
 const MOST_FINDINGS: usize = 4;
 /// Iterations of a model that has lost one of its laws, or has another one in its place.
@@ -155,22 +153,19 @@ pub fn search(
 ) -> Result<Search, CalibrateError> {
     let mut found = Search::at(base);
     let mut on_few = few_base.clone();
-    let usual: Vec<Candidate> = candidates.iter().map(|candidate| candidate.first(USUAL_ALTERNATIVES)).collect();
     // Where the search stood when it accepted a cause that no robot can have unless another one is found beside it.
     let mut before_doubt: Option<Search> = None;
     loop {
         step("scanning the catalogue");
-        let (mut scanned, of_few) = scan(few, &found.accepted, &on_few, candidates)?;
-        let (of_enough, mut family);
-        family = &of_few;
+        let (scanned, family) = scan(few, &found.accepted, &on_few, candidates)?;
         step("refitting the best");
-        let on = |family| Refit { few, on_few: &on_few, bench, found: &found, family, events };
+        let on = Refit { few, on_few: &on_few, bench, found: &found, family: &family, events };
         let samples = bench.series().stages();
         let best_first = |refitted: &mut Vec<Scanned>| {
             refitted.sort_by(|a, b| worth(b, samples).total_cmp(&worth(a, samples)));
             note("refit", refitted.iter());
         };
-        let mut refitted = refit(&on(family), scanned.clone());
+        let mut refitted = refit(&on, scanned.clone());
         best_first(&mut refitted);
         step("holding them against curves");
         let mut curves = curves(few, &on_few, (bench, &found.trial))?;
@@ -189,20 +184,11 @@ pub fn search(
             enough(best.score) || enough(with_another(bench, &found, best, refitted, enough))
         };
         let mut best = refitted.iter().find(earns).cloned();
-        // What laws leave of large effects shows there too, and is no cause of its own.
-        if best.is_none() && found.accepted.is_empty() {
-            step("scanning more samples");
-            (scanned, of_enough) = scan(bench, &found.accepted, &found.trial, &usual)?;
-            family = &of_enough;
-            refitted = refit(&on(family), scanned.clone());
-            best_first(&mut refitted);
-            best = refitted.iter().find(earns).cloned();
-        }
         let mut holds = may_go_on && best.as_ref().is_some_and(|best| is_held(best, &refitted));
         // A first cause may be bent by a second one; after a sound one it is what that leaves.
         let may_be_bent = found.accepted.is_empty() || before_doubt.is_some();
         if may_go_on && may_be_bent && !holds && rival.is_some() && refitted.iter().any(|s| s.bent.is_some()) {
-            straighten(&on(family), &mut refitted);
+            straighten(&on, &mut refitted);
             best_first(&mut refitted);
             best = refitted.iter().find(earns).cloned();
             holds = best.as_ref().is_some_and(|best| is_held(best, &refitted));
