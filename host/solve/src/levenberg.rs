@@ -21,11 +21,16 @@ const HEAVY_DAMPING: f64 = 1e-2;
 /// some of both.
 const WHOLE_STEP_GAIN: std::ops::RangeInclusive<f64> = 0.6..=1.4;
 
+/// A change of the cost with which it still falls.
+const FALLING: f64 = 0.02;
+
 /// When to stop, how much to damp, how many threads to use.
 #[derive(Debug, Clone)]
 pub struct Settings {
     /// Most factorisations. Default 60.
     pub max_iterations: usize,
+    /// Most of them while the cost still falls by a fiftieth with each. Default 60, which is none beyond the others.
+    pub most_while_falling: usize,
     /// Converged when an accepted step changes the cost by less than this share. Default 1e-9.
     pub relative_cost_change: f64,
     /// First damping of the border, relative to its diagonal. Default 1e-4.
@@ -40,6 +45,7 @@ impl Default for Settings {
     fn default() -> Self {
         Settings {
             max_iterations: 60,
+            most_while_falling: 60,
             relative_cost_change: 1e-9,
             initial_damping: 1e-4,
             threads: std::thread::available_parallelism().map_or(1, |n| n.get().min(2)),
@@ -168,7 +174,10 @@ pub fn minimise<P: LeastSquares>(
     // Whether the factor is undamped and belongs to the final point, or to one that the tolerance does not tell from it.
     let mut factor_is_final = false;
 
-    while iterations.len() < settings.max_iterations {
+    let mut still_falls = false;
+
+    while iterations.len() < settings.max_iterations || (still_falls && iterations.len() < settings.most_while_falling)
+    {
         let clock = Instant::now();
         let factored = factor.factorise(problem, &point, state_damping, settings.threads);
         seconds.add(&clock, &factor);
@@ -269,6 +278,7 @@ pub fn minimise<P: LeastSquares>(
             break;
         };
         let change = (cost - trial_cost) / trial_cost.max(f64::MIN_POSITIVE);
+        still_falls = change > FALLING;
         std::mem::swap(&mut point, &mut trial);
         cost = trial_cost;
         let iteration = Iteration { cost, damping: used, trials };

@@ -119,6 +119,8 @@ const FAR: f64 = 2.0;
 /// Iterations under the base model's own noise, from a start that is far off, and the relative change of the cost that ends them.
 const EASY_ITERATIONS: usize = 8;
 const EASY: f64 = 1e-4;
+/// A search that still falls when its iterations are used up goes on, so many times as far.
+const WHILE_FALLING: usize = 4;
 /// Searches in which what leaves its range is held at its end.
 const ROUNDS_WITHIN: usize = 3;
 
@@ -333,7 +335,8 @@ impl<'a> Bench<'a> {
         }
         let start = equilibrium::settled(&problem, start, &self.settings);
         let start = self.eased(&mut problem, start, &held);
-        let settings = Settings { max_iterations: iterations, ..self.settings.clone() };
+        let most_while_falling = WHILE_FALLING * iterations;
+        let settings = Settings { max_iterations: iterations, most_while_falling, ..self.settings.clone() };
         let solution = levenberg::minimise(&problem, start, &held, &settings, |i, iteration| {
             tracing::trace!(i, cost = iteration.cost, damping = iteration.damping, trials = iteration.trials, "bench");
         })?;

@@ -100,20 +100,28 @@ pub fn diagnose(
     step("calibrating the base model");
     let base = fit(robot, &[fitted], Method::suited(Preset::Default, robot), &options.settings, |_, _| {})?;
     let [(few, few_base), (bench, trial)] = benches(robot, &base, &options.settings)?;
-    let (candidates, unsuited) = candidate::catalogue(robot, &options.without);
-    let events = Events::of(bench.trimmed(&trial)?, &candidates);
+    let (mut candidates, unsuited) = candidate::catalogue(robot, &options.without);
+    let mut events = Events::of(bench.trimmed(&trial)?, &candidates);
     let mut found = search::search((&few, &few_base), (&bench, &trial), (&candidates, &events), step)?;
 
-    step("calibrating the extended model");
     let extended = loop {
+        step("calibrating the extended model");
         let ids: Vec<&str> = found.accepted.iter().map(|accepted| accepted.named.effect.id).collect();
         if ids.is_empty() {
             break base.clone();
         }
         let extended = extend_as(robot, &[fitted], &base, (&ids, &found.trial, &bench), &options.settings, |_, _| {})?;
-        // What the whole recording leads where no robot can be stood for something else.
         let Some(law) = found.trial.impossible_in(&extended.calibration) else { break extended };
-        found.take_back(&bench, law)?;
+        // What the whole recording leads where no robot can be stood for something else, and what came in after it was found beside it.
+        let impossible = found.cause_of(law);
+        tracing::debug!(effect = impossible.id, "no robot can have it: searched again without");
+        candidates.retain(|candidate| candidate.effect.id != impossible.id);
+        events.named.retain(|named| named.effect.id != impossible.id);
+        let first = std::mem::take(&mut found.first_scan);
+        found = search::search((&few, &few_base), (&bench, &trial), (&candidates, &events), step)?;
+        // What it stood for is there, though nothing may be left to name it.
+        found.refused = found.refused.or_else(|| first.iter().find(|s| s.named.effect.id == impossible.id).cloned());
+        found.first_scan = first;
     };
     step("measuring the gain");
     let gain = if found.accepted.is_empty() {

@@ -126,10 +126,8 @@ pub struct Search {
     pub first_curves: Vec<CurveFit>,
     /// What curves still find on top of the final model, best first.
     pub left: Vec<CurveFit>,
-    /// The best law that did not hold its own against a curve, where the search ended for that.
+    /// The best law that did not hold its own against a curve, where the search ended for that, or that no robot can have.
     pub refused: Option<Scanned>,
-    /// What laws explained that were taken back, twice the log-likelihood: it has no name again.
-    pub taken_back: f64,
 }
 
 /// Laws in the catalogue's order: a plant's line asks them so.
@@ -355,7 +353,6 @@ impl Search {
             first_curves: Vec::new(),
             left: Vec::new(),
             refused: None,
-            taken_back: 0.0,
         }
     }
 
@@ -364,20 +361,10 @@ impl Search {
         laws(self.accepted.iter().map(|accepted| &accepted.named))
     }
 
-    /// Takes back the cause of this law of [`Search::trial`].
-    ///
-    /// # Errors
-    /// As a calibration's.
-    pub fn take_back(&mut self, bench: &Bench<'_>, law: usize) -> Result<(), CalibrateError> {
-        let of_law = |accepted: &Accepted| Arc::ptr_eq(&accepted.named.law, &self.trial.laws[law]);
-        let place = self.accepted.iter().position(of_law).or(self.accepted.len().checked_sub(1));
-        let Some(place) = place else { return Ok(()) };
-        tracing::debug!(effect = self.accepted[place].named.effect.id, "taken back");
-        let (trial, lost) = self.without(bench, place)?;
-        self.trial = trial;
-        self.taken_back += lost.max(0.0);
-        self.accepted.remove(place);
-        Ok(())
+    /// The accepted cause of this law of [`Search::trial`].
+    pub fn cause_of(&self, law: usize) -> &'static Effect {
+        let of_law = |accepted: &&Accepted| Arc::ptr_eq(&accepted.named.law, &self.trial.laws[law]);
+        self.accepted.iter().find(of_law).unwrap_or(&self.accepted[self.accepted.len() - 1]).named.effect
     }
 
     /// The model without one of the accepted, and what is lost: twice the log-likelihood.

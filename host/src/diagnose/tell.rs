@@ -28,7 +28,7 @@ pub fn tell(
     unsuited: Vec<(&'static str, String)>,
     holdout: Option<String>,
 ) -> Result<Diagnosis, CalibrateError> {
-    let left = found.left.iter().map(|curve| curve.score.max(0.0)).fold(0.0, f64::max) + found.taken_back;
+    let left = found.left.iter().map(|curve| curve.score.max(0.0)).fold(0.0, f64::max);
     // What the base model leaves over pure noise: what the laws took, and what the best curve would still take.
     let excess = (2.0 * (base.cost - found.trial.cost) + left).max(f64::MIN_POSITIVE);
     let mut findings = Vec::new();
@@ -96,9 +96,7 @@ pub fn tell(
 }
 
 fn verdict(found: &Search, findings: &[Finding]) -> Verdict {
-    let something_left = found.refused.is_some()
-        || found.taken_back > 0.0
-        || found.left.first().is_some_and(|curve| curve.p_family < LEVEL);
+    let something_left = found.refused.is_some() || found.left.first().is_some_and(|curve| curve.p_family < LEVEL);
     match findings {
         [] if something_left => Verdict::Unknown,
         [] => Verdict::None,

@@ -75,7 +75,7 @@ pub fn sized(effect: &'static Effect, seed: u64, target: f64) -> Sized {
 
 /// Looks for the level of a growing function where it is `target`; `None` is a level that cannot be had, being too small.
 fn search(mut probe: impl FnMut(f64) -> Option<f64>, target: f64) -> Sized {
-    let off = |margin: f64| (margin.max(LEAST) / target).ln();
+    let off = |margin: f64| (margin / target).ln();
     // The nearest below and above.
     let (mut below, mut above): (Option<Sized>, Option<Sized>) = (None, None);
     let mut best: Option<Sized> = None;
@@ -83,10 +83,12 @@ fn search(mut probe: impl FnMut(f64) -> Option<f64>, target: f64) -> Sized {
     for _ in 0..MOST_PROBES {
         let margin = probe(level);
         let at = Sized { level, margin: margin.unwrap_or(0.0) };
-        if margin.is_some() && best.is_none_or(|best| off(at.margin).abs() < off(best.margin).abs()) {
+        // Nothing is near to no size, however small.
+        let shows = at.margin > LEAST;
+        if shows && best.is_none_or(|best| off(at.margin).abs() < off(best.margin).abs()) {
             best = Some(at);
         }
-        if margin.is_some() && off(at.margin).abs() < NEAR.ln() {
+        if shows && off(at.margin).abs() < NEAR.ln() {
             break;
         }
         if at.margin < target {
@@ -94,7 +96,7 @@ fn search(mut probe: impl FnMut(f64) -> Option<f64>, target: f64) -> Sized {
         } else {
             above = Some(at);
         }
-        if margin.is_some_and(|margin| margin > LEAST) {
+        if shows {
             seen.push(at);
         }
         level = next(&seen, target, level);
