@@ -32,6 +32,7 @@ mod row;
 mod scores;
 mod search;
 mod series;
+mod stamps;
 mod start;
 mod summary;
 #[cfg(test)]

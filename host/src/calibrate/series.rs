@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use super::stamps;
 use crate::recording::Recording;
 use crate::robot::{self, Robot};
 
@@ -70,13 +71,15 @@ impl Series {
         let first = self.stages();
         let rest = recording.rest_window();
         let mut at_rest = 0;
-        for segment in runs(recording) {
+        let segments: Vec<Range<usize>> = runs(recording).collect();
+        let times_us = stamps::times_us(recording, &segments);
+        for segment in segments {
             let start = self.stages();
             for k in segment.clone() {
                 self.measured.extend(recording.channels.iter().map(|c| c.values[k]));
                 self.input.extend(recording.duty.iter().map(|duty| duty[k]));
                 let last = k + 1 == segment.end;
-                let step_us = if last { f64::NAN } else { (recording.t_us[k + 1] - recording.t_us[k]) as f64 };
+                let step_us = if last { f64::NAN } else { times_us[k + 1] - times_us[k] };
                 self.duration_s.push(step_us * 1e-6);
                 self.time_s.push(recording.motion_time_s(k));
                 at_rest += usize::from(rest.contains(&k));

@@ -1,0 +1,192 @@
+//! When samples were really taken: where stamps jitter, the encoders tell whether the samples did too.
+//!
+//! ```text
+//! stamps     |    |   |     |   |    |   |        δ: a stamp less the straight line through its neighbours
+//! line       |    |    |    |    |    |    |      a joint at speed v reads v β δ beside a smooth motion
+//!                                                 β = 1: taken at their stamps, 0: taken evenly, whatever the stamps say
+//! ```
+//!
+//! A stamp may be late because the tick was, or because whoever wrote it was busy. 10 µs at 10 rad/s are more than an encoder's count, and
+//! noise that grows with speed is taken for one defect or another. β is the slope of a regression through fourth differences, which
+//! a smooth motion does not have; each channel weighs by its own. Where β cannot be told, or is 1 but for chance, stamps stay as they are.
+
+use std::ops::Range;
+
+use crate::recording::Recording;
+use crate::robot::ChannelKind;
+
+/// Samples on either side of the line through a stamp's neighbours.
+const HALF_LINE: usize = 50;
+/// Samples on either side of a difference that tells the speed.
+const HALF_SPEED: usize = 4;
+/// Fourth differences.
+const DIFFERENCE: [f64; 5] = [1.0, -4.0, 6.0, -4.0, 1.0];
+/// A standard error of β that tells nothing.
+const UNSURE: f64 = 0.1;
+/// Standard errors within which β is what it usually is.
+const SURE: f64 = 4.0;
+
+/// Time of every sample of a recording since its first one, µs; `runs` are those without a gap.
+pub(super) fn times_us(recording: &Recording, runs: &[Range<usize>]) -> Vec<f64> {
+    let mut times: Vec<f64> = recording.t_us.iter().map(|t| (t - recording.t_us[0]) as f64).collect();
+    let mut late = vec![0.0; times.len()];
+    for run in runs {
+        beside_line(&times[run.clone()], &mut late[run.clone()]);
+    }
+    let is_position = |kind| matches!(kind, ChannelKind::MotorPosition { .. } | ChannelKind::LinkPosition { .. });
+    let positions = recording.channels.iter().filter(|channel| is_position(channel.spec.kind));
+    let sums: Vec<Sums> = positions.map(|channel| Sums::of(&channel.values, &late, runs, recording.period_s)).collect();
+    let share = share(&sums);
+    if share < 1.0 {
+        tracing::info!(share, "stamps jitter more than the samples");
+        times.iter_mut().zip(&late).for_each(|(time, late)| *time -= (1.0 - share) * late);
+    }
+    times
+}
+
+/// Of every stamp of a run, how far it is beside the straight line through those around it, µs.
+fn beside_line(times: &[f64], late: &mut [f64]) {
+    let n = times.len();
+    for (k, late) in late.iter_mut().enumerate() {
+        let half = HALF_LINE.min(n - 1);
+        let (from, to) = (k.saturating_sub(half), (k + half).min(n - 1));
+        let window = from..=to;
+        let count = (to - from + 1) as f64;
+        let (x0, t0) = (0.5 * (from + to) as f64, times[window.clone()].iter().sum::<f64>() / count);
+        let x = |i: usize| i as f64 - x0;
+        let (mut above, mut below) = (0.0, 0.0);
+        for i in window {
+            above += x(i) * (times[i] - t0);
+            below += x(i) * x(i);
+        }
+        let slope = if below > 0.0 { above / below } else { 0.0 };
+        *late = times[k] - t0 - slope * x(k);
+    }
+}
+
+/// Of a regression through one channel: Σ w e, Σ w², Σ e², and how many.
+#[derive(Debug, Clone, Copy, Default)]
+struct Sums {
+    we: f64,
+    ww: f64,
+    ee: f64,
+    count: f64,
+}
+
+impl Sums {
+    fn of(values: &[f64], late_us: &[f64], runs: &[Range<usize>], period_s: f64) -> Self {
+        let mut sums = Sums::default();
+        let mut moved = Vec::new();
+        for run in runs.iter().filter(|run| run.len() > 2 * HALF_SPEED + DIFFERENCE.len()) {
+            let (values, late) = (&values[run.clone()], &late_us[run.clone()]);
+            let inner = HALF_SPEED..values.len() - HALF_SPEED;
+            moved.clear();
+            moved.extend(inner.clone().map(|k| {
+                let speed = (values[k + HALF_SPEED] - values[k - HALF_SPEED]) / (2.0 * HALF_SPEED as f64 * period_s);
+                speed * late[k] * 1e-6
+            }));
+            for (place, w) in moved.windows(DIFFERENCE.len()).enumerate() {
+                let at = inner.start + place;
+                let difference = |of: &[f64]| of.iter().zip(DIFFERENCE).map(|(value, by)| by * value).sum::<f64>();
+                let (w, e) = (difference(w), difference(&values[at..at + DIFFERENCE.len()]));
+                // A reading that is none.
+                if !(w.is_finite() && e.is_finite()) {
+                    continue;
+                }
+                sums = Sums { we: sums.we + w * e, ww: sums.ww + w * w, ee: sums.ee + e * e, count: sums.count + 1.0 };
+            }
+        }
+        sums
+    }
+
+    /// What a channel's fourth differences are beside the slope, squared.
+    fn variance(&self, slope: f64) -> f64 {
+        (self.ee - 2.0 * slope * self.we + slope * slope * self.ww) / self.count.max(1.0)
+    }
+}
+
+/// How much of a stamp's jitter its sample has: 1 where nothing else is sure.
+fn share(channels: &[Sums]) -> f64 {
+    let told: Vec<&Sums> = channels.iter().filter(|sums| sums.ww > 0.0 && sums.ee > 0.0).collect();
+    let (mut above, mut below) = (0.0, 0.0);
+    for sums in told {
+        let variance = sums.variance(sums.we / sums.ww).max(f64::MIN_POSITIVE);
+        above += sums.we / variance;
+        below += sums.ww / variance;
+    }
+    let error = below.sqrt().recip();
+    if below <= 0.0 || error > UNSURE {
+        return 1.0;
+    }
+    let slope = above / below;
+    tracing::debug!(slope, error, "share of the stamps' jitter that the samples have");
+    if (slope - 1.0).abs() < SURE * error {
+        1.0
+    } else if slope.abs() < SURE * error {
+        0.0
+    } else {
+        slope.clamp(0.0, 1.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::SeedableRng;
+    use rand_chacha::ChaCha8Rng;
+    use rand_distr::{Distribution, StandardNormal};
+
+    use super::*;
+    use crate::robot::Robot;
+    use crate::simulate::{Direct, Options, SHORT_MOTION};
+
+    /// 20,000 samples of a joint that swings with up to `speed`, with stamps that jitter by 10 µs, of which the samples have a share.
+    fn swinging(speed: f64, has: f64) -> (Vec<f64>, Vec<f64>) {
+        let mut rng = ChaCha8Rng::seed_from_u64(8);
+        let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
+        let rate = std::f64::consts::TAU * 3.0;
+        (0..20_000)
+            .map(|k| {
+                let (even, jitter) = (1e3 * k as f64, (10.0 * normal()).round());
+                let t = 1e-6 * (even + has * jitter);
+                (even + jitter, speed / rate * (rate * t).sin() + 7e-5 * normal())
+            })
+            .unzip()
+    }
+
+    fn share_of(speed: f64, has: f64) -> f64 {
+        let (times, values) = swinging(speed, has);
+        let mut late = vec![0.0; times.len()];
+        beside_line(&times, &mut late);
+        share(&[Sums::of(&values, &late, &[0..times.len()], 1e-3)])
+    }
+
+    #[test]
+    fn encoders_tell_whether_the_samples_jitter_as_their_stamps_do() {
+        assert_eq!(share_of(6.0, 1.0), 1.0);
+        assert_eq!(share_of(6.0, 0.0), 0.0);
+        let half = share_of(6.0, 0.5);
+        assert!((half - 0.5).abs() < 0.05, "{half}");
+        // Too slow to tell: as the stamps say.
+        assert_eq!([share_of(0.1, 0.0), share_of(0.1, 1.0)], [1.0, 1.0]);
+    }
+
+    #[test]
+    fn a_recording_whose_stamps_alone_jitter_is_taken_evenly() {
+        let options = Options { seed: 3, ..Options::new(Robot::builtin("doggy").unwrap()) };
+        let even = Direct::record(&options, SHORT_MOTION).unwrap().recording;
+        let mut jittered = even.clone();
+        let mut rng = ChaCha8Rng::seed_from_u64(2);
+        for t in jittered.t_us.iter_mut().skip(1) {
+            let normal: f64 = StandardNormal.sample(&mut rng);
+            *t = t.saturating_add_signed((10.0 * normal.clamp(-4.0, 4.0)).round() as i64);
+        }
+        let [even, mended] = [&even, &jittered].map(|recording| times_us(recording, &recording.segments()));
+        let raw: Vec<f64> = jittered.t_us.iter().map(|t| (t - jittered.t_us[0]) as f64).collect();
+        let off = |times: &[f64]| {
+            let squares: f64 = times.iter().zip(&even).map(|(a, b)| (a - b).powi(2)).sum();
+            (squares / even.len() as f64).sqrt()
+        };
+        // Left is the mean of a hundred stamps: 10 µs / √101.
+        assert!((9.0..11.0).contains(&off(&raw)) && off(&mended) < 1.3, "{} µs, then {}", off(&raw), off(&mended));
+    }
+}
