@@ -22,6 +22,8 @@ use crate::model::law::Law;
 
 /// Share of noise in which anything is found at all.
 pub const LEVEL: f64 = 0.01;
+/// Alternatives of a law that are scanned on the samples that decide, where few samples show nothing: a scan costs in proportion to both.
+pub const USUAL_ALTERNATIVES: usize = 2;
 /// Most causes.
 const MOST_FINDINGS: usize = 4;
 /// Iterations of a model that has lost one of its laws, or has another one in its place.
@@ -35,6 +37,8 @@ pub const FINAL_ITERATIONS: usize = 25;
 const NAMED_SHARE: f64 = 0.8;
 /// Of what accepted causes explain, the share that another law on the same equation has to add to be one more cause.
 const REST: f64 = 0.01;
+/// What a law explains is hardly ever more than so many times the score of a scan, which is a tangent.
+const TANGENT: f64 = 10.0;
 /// Of two laws together.
 const PAIR_ITERATIONS: usize = 8;
 
@@ -151,19 +155,25 @@ pub fn search(
 ) -> Result<Search, CalibrateError> {
     let mut found = Search::at(base);
     let mut on_few = few_base.clone();
+    let usual: Vec<Candidate> = candidates.iter().map(|candidate| candidate.first(USUAL_ALTERNATIVES)).collect();
     // Where the search stood when it accepted a cause that no robot can have unless another one is found beside it.
     let mut before_doubt: Option<Search> = None;
     loop {
         step("scanning the catalogue");
-        let (scanned, family) = scan(few, &found.accepted, &on_few, candidates)?;
+        let (mut scanned, of_few) = scan(few, &found.accepted, &on_few, candidates)?;
+        let (of_enough, mut family);
+        family = &of_few;
         step("refitting the best");
-        let on = Refit { few, on_few: &on_few, bench, found: &found, family: &family, events };
+        let on = |family| Refit { few, on_few: &on_few, bench, found: &found, family, events };
         let samples = bench.series().stages();
         let best_first = |refitted: &mut Vec<Scanned>| {
             refitted.sort_by(|a, b| worth(b, samples).total_cmp(&worth(a, samples)));
             note("refit", refitted.iter());
         };
-        let mut refitted = refit(&on, scanned.clone());
+        let explained = 2.0 * (base.cost - found.trial.cost);
+        let more = samples as f64 / few.series().stages().max(1) as f64;
+        let may_earn = |s: &Scanned| !is_rest(&found.accepted, explained, s, TANGENT * more * s.score);
+        let mut refitted = refit(&on(family), scanned.iter().filter(|s| may_earn(s)).cloned().collect());
         best_first(&mut refitted);
         step("holding them against curves");
         let mut curves = curves(few, &on_few, (bench, &found.trial))?;
@@ -172,9 +182,9 @@ pub fn search(
             tracing::debug!(place = ?c.curves.place, score = c.score, p = c.p_family, "curve");
         }
         // A law has to earn its parameters besides: what the null of the draws does not hold, a clock that jitters, gains a little too.
-        let explained = 2.0 * (base.cost - found.trial.cost);
-        let earns =
-            |s: &&Scanned| s.p_family < LEVEL && worth(s, samples) > 0.0 && !is_rest(&found.accepted, explained, s);
+        let earns = |s: &&Scanned| {
+            s.p_family < LEVEL && worth(s, samples) > 0.0 && !is_rest(&found.accepted, explained, s, s.score)
+        };
         let rival = curves.first().filter(|curve| curve.p_family < LEVEL);
         let enough = |score: f64| rival.is_none_or(|curve| score >= NAMED_SHARE * curve.score);
         let may_go_on = found.accepted.len() < MOST_FINDINGS;
@@ -182,11 +192,20 @@ pub fn search(
             enough(best.score) || enough(with_another(bench, &found, best, refitted, enough))
         };
         let mut best = refitted.iter().find(earns).cloned();
+        // What few samples show and nothing may be made of, more samples show too.
+        if best.is_none() && scanned.iter().all(|s| s.p_family >= LEVEL) {
+            step("scanning more samples");
+            (scanned, of_enough) = scan(bench, &found.accepted, &found.trial, &usual)?;
+            family = &of_enough;
+            refitted = refit(&on(family), scanned.clone());
+            best_first(&mut refitted);
+            best = refitted.iter().find(earns).cloned();
+        }
         let mut holds = may_go_on && best.as_ref().is_some_and(|best| is_held(best, &refitted));
         // A first cause may be bent by a second one; after a sound one it is what that leaves.
         let may_be_bent = found.accepted.is_empty() || before_doubt.is_some();
         if may_go_on && may_be_bent && !holds && rival.is_some() && refitted.iter().any(|s| s.bent.is_some()) {
-            straighten(&on, &mut refitted);
+            straighten(&on(family), &mut refitted);
             best_first(&mut refitted);
             best = refitted.iter().find(earns).cloned();
             holds = best.as_ref().is_some_and(|best| is_held(best, &refitted));
@@ -221,11 +240,11 @@ pub fn search(
     }
 }
 
-/// Whether a law explains no more than what the law of an accepted cause, on the same equation, may leave of it: laws are smooth, gaps and
+/// Whether a law of this score explains no more than what the law of an accepted cause, on the same equation, may leave of it: laws are smooth, gaps and
 /// dead bands are not.
-fn is_rest(accepted: &[Accepted], explained: f64, scanned: &Scanned) -> bool {
+fn is_rest(accepted: &[Accepted], explained: f64, scanned: &Scanned, score: f64) -> bool {
     let same_row = accepted.iter().any(|accepted| accepted.named.effect.row == scanned.named.effect.row);
-    same_row && scanned.score < REST * explained
+    same_row && score < REST * explained
 }
 
 /// What the best law gains together with another of the refitted ones on the same equation, as soon as that is `enough`: where two causes follow
