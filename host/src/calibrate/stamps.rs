@@ -157,7 +157,8 @@ mod tests {
         let (times, values) = swinging(speed, has);
         let mut late = vec![0.0; times.len()];
         beside_line(&times, &mut late);
-        share(&[Sums::of(&values, &late, &[0..times.len()], 1e-3)])
+        let all = 0..times.len();
+        share(&[Sums::of(&values, &late, std::slice::from_ref(&all), 1e-3)])
     }
 
     #[test]
