@@ -24,6 +24,8 @@ use crate::model::law::Law;
 pub const LEVEL: f64 = 0.01;
 /// Alternatives of a law that are scanned on the samples that decide, where few samples show nothing: a scan costs in proportion to both.
 pub const USUAL_ALTERNATIVES: usize = 2;
+/// A score of few samples that hardly tells one law from another.
+const WEAK: f64 = 100.0;
 /// Most causes.
 const MOST_FINDINGS: usize = 4;
 /// Iterations of a model that has lost one of its laws, or has another one in its place.
@@ -192,8 +194,8 @@ pub fn search(
             enough(best.score) || enough(with_another(bench, &found, best, refitted, enough))
         };
         let mut best = refitted.iter().find(earns).cloned();
-        // What few samples show and nothing may be made of, more samples show too.
-        if best.is_none() && scanned.iter().all(|s| s.p_family >= LEVEL) {
+        // What few samples show well and nothing may be made of, more samples show too. What they hardly show may be anything.
+        if best.is_none() && scanned.iter().all(|s| s.p_family >= LEVEL || s.score < WEAK) {
             step("scanning more samples");
             (scanned, of_enough) = scan(bench, &found.accepted, &found.trial, &usual)?;
             family = &of_enough;
