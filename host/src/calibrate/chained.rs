@@ -64,6 +64,14 @@ fn turned(
     value
 }
 
+/// [`turned`] without its derivatives.
+fn turned_value(chain: &Chain, q: &[f64], from: usize, to: usize, v: Vector3<f64>) -> Vector3<f64> {
+    let mut rotations = [[[0.0; 3]; 3]; MAX_JOINTS];
+    chain.body_rotations(q, &mut rotations[..q.len()]);
+    let [from, to] = [from, to].map(|body| Matrix3::from_fn(|i, j| rotations[body][i][j]));
+    to * from.tr_mul(&v)
+}
+
 impl<'m> Problem<'m> {
     /// Rows (22), (25)–(26) and (32) of stage k.
     pub(super) fn chained_rows(
@@ -121,7 +129,11 @@ impl<'m> Problem<'m> {
             for gyro in others {
                 let value = reading(gyro);
                 let surplus = omega - frame.rate(first.body);
-                let carried = turned(self.model.chain(), q, first.body, gyro.body, surplus, &mut by_q);
+                let carried = if with_slopes {
+                    turned(self.model.chain(), q, first.body, gyro.body, surplus, &mut by_q)
+                } else {
+                    turned_value(self.model.chain(), q, first.body, gyro.body, surplus)
+                };
                 let rate = frame.rate(gyro.body) + carried;
                 let own = point.rotations[gyro.gyro];
                 let predicted = own * rate + bias(gyro);

@@ -7,9 +7,10 @@
 //! from it.
 
 use super::equilibrium;
-use super::identify;
+use super::identify::{self, Judgement};
 use super::observability::Held;
 use super::point::Point;
+use super::preset::GyroRows;
 use super::problem::Problem;
 use super::series::Series;
 use super::start::{self, Shared};
@@ -43,8 +44,19 @@ impl<'a, 'm: 'a> Part<'a, 'm> {
 
     /// Whether the excerpt leaves nothing open but what is held by the robot's build: then the whole does not either, at a twentieth of the price.
     pub(super) fn tells_all(&self, start: &Point<'_>, structural: &[Held], threads: usize) -> bool {
-        let start = self.with_states(start);
-        identify::judge(&self.problem, self.robot, &start, structural, threads).is_ok_and(|found| found.weak.is_empty())
+        self.judge(start, structural, threads).is_some_and(|found| found.weak.is_empty())
+    }
+
+    /// What the excerpt says of the motion at the end of a search, if it leaves nothing open and every joint slides in it: then the whole says the
+    /// same, at six times the price. Not under the rows of `default`, where how much the whole says is used later.
+    pub(super) fn judged(&self, end: &Point<'_>, structural: &[Held], threads: usize) -> Option<Judgement> {
+        let enough = self.whole.assumptions.gyro_rows == GyroRows::Chained;
+        let found = enough.then(|| self.judge(end, structural, threads))??;
+        (found.weak.is_empty() && found.silent.is_empty()).then_some(found)
+    }
+
+    fn judge(&self, at: &Point<'_>, structural: &[Held], threads: usize) -> Option<Judgement> {
+        identify::judge(&self.problem, self.robot, &self.with_states(at), structural, threads).ok()
     }
 
     fn with_states(&self, start: &Point<'_>) -> Point<'a> {

@@ -21,7 +21,8 @@ pub(super) struct Found<'m> {
     pub held: Vec<Held>,
     /// Parameters that were free and that no number is given for.
     pub silent: Vec<Held>,
-    /// Information of noise-free predictions, row-major, of the border's unknowns.
+    /// Information of noise-free predictions, row-major, of the border's unknowns; of an excerpt's where
+    /// [`Part::judged`] says so.
     pub noise_free: Vec<f64>,
 }
 
@@ -46,9 +47,9 @@ pub(super) fn search<'m>(
         Some(part) if part.tells_all(start, structural, settings.threads) => Vec::new(),
         _ => identify::judge(problem, robot, start, structural, settings.threads)?.weak,
     };
-    let from = part.and_then(|part| part.point(start, structural, &weak, settings));
+    let from = part.as_ref().and_then(|part| part.point(start, structural, &weak, settings));
     let from = equilibrium::settled(problem, from.unwrap_or_else(|| start.clone()), settings);
-    settle(problem, robot, (start, from), (structural, weak), settings, progress)
+    settle((problem, part.as_ref()), robot, (start, from), (structural, weak), settings, progress)
 }
 
 /// Searches on from the end of another search, under other weights or with fewer readings; what is held stands as it does at `start`.
@@ -65,14 +66,14 @@ pub(super) fn again<'m>(
 ) -> Result<Found<'m>, SolveError> {
     let before = from.solution;
     let weak = from.held.into_iter().skip(structural.len()).collect();
-    let mut found = settle(problem, robot, (start, before.point), (structural, weak), settings, progress)?;
+    let mut found = settle((problem, None), robot, (start, before.point), (structural, weak), settings, progress)?;
     found.solution.add_before(before.iterations, before.seconds);
     Ok(found)
 }
 
 /// Searches until what is held is what the estimate leaves open. `start` is where held directions stay.
 fn settle<'m>(
-    problem: &Problem<'m>,
+    (problem, part): (&Problem<'m>, Option<&Part<'_, 'm>>),
     robot: &Robot,
     (start, mut from): (&Point<'m>, Point<'m>),
     (structural, mut weak): (&[Held], Vec<Held>),
@@ -83,7 +84,11 @@ fn settle<'m>(
     loop {
         let directions: Vec<_> = structural.iter().chain(&weak).map(|held| held.direction.clone()).collect();
         let mut solution = levenberg::minimise(problem, from, &directions, settings, &mut progress)?;
-        let found = identify::judge(problem, robot, &solution.point, structural, settings.threads)?;
+        let told = part.and_then(|part| part.judged(&solution.point, structural, settings.threads));
+        let found = match told {
+            Some(found) => found,
+            None => identify::judge(problem, robot, &solution.point, structural, settings.threads)?,
+        };
         rounds += 1;
         let settled = rounds == MOST_ROUNDS || identify::same(problem, &solution.point, &found.weak, &weak);
         from = identify::at_start(problem, solution.point.clone(), start, &found.weak);
