@@ -152,7 +152,9 @@ fn one_axis_shows_the_motors_and_itself() {
         for name in sticking {
             let told = unobservable.iter().find(|told| told["direction"][0][0] == **name).unwrap();
             let reason = told["reason"].as_str().unwrap();
-            assert!(reason.contains("never turned faster than"), "{name}: {reason}");
+            // Where a busy machine lost ticks, what creeps over the gap may draw μ so low that the model slides; then that is told.
+            let reasons = ["never turned faster than", "standard errors away"];
+            assert!(reasons.iter().any(|one| reason.contains(one)), "{name}: {reason}");
         }
     }
 }
