@@ -68,8 +68,9 @@ fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectEr
     Ok(Hidden { id: EFFECT.id, values, physics: Box::new(BeltHysteresis { k1, relaxation_s }) })
 }
 
-/// A step of the branch's torque may be wrong by k_s times this, rad.
-const SIGMA_RAD: f64 = 1e-5;
+/// A step of the branch's torque may be wrong by k_s times this, rad: as good as nothing. A hundred times more would let the branch wander as no belt
+/// does, and take in what is small and something else.
+const SIGMA_RAD: f64 = 1e-7;
 
 /// The same branch; τ is fitted by its logarithm.
 #[derive(Debug)]
