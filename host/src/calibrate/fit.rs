@@ -7,7 +7,7 @@
 
 use std::time::{Duration, Instant};
 
-use super::bench::{Bench, Trial};
+use super::bench::Bench;
 use super::extension::Known;
 use super::noise::Noise;
 use super::outliers::Screened;
@@ -18,6 +18,7 @@ use super::reml::{self, Residue};
 use super::result::{Calibration, Seconds, Status};
 use super::search::{self, Found};
 use super::series::Series;
+use super::trial::Trial;
 use super::trimmed::Trimmed;
 use super::{CalibrateError, check, extension, marginal, observability, start, summary};
 use crate::effect::Effect;

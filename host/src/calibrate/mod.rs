@@ -7,6 +7,7 @@
 
 mod bench;
 mod chained;
+mod channels;
 mod equilibrium;
 #[cfg(test)]
 mod extended_tests;
@@ -37,11 +38,12 @@ mod start;
 mod summary;
 #[cfg(test)]
 mod tests;
+mod trial;
 mod trimmed;
 mod wide;
 mod windows;
 
-pub use bench::{Bench, JointState, Trial, TrialValue};
+pub use bench::Bench;
 pub use fit::{Fit, calibrate, extend, extend_as, fit};
 pub use noise::Noise;
 pub use observability::{Unobservable, comparable_truth};
@@ -53,6 +55,7 @@ pub use result::{
 };
 pub use scores::Scores;
 pub use series::Series;
+pub use trial::{JointState, Trial, TrialValue};
 pub use trimmed::Trimmed;
 
 use crate::recording::Recording;

@@ -13,9 +13,10 @@ use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
 
-use super::bench::{Bench, Trial};
+use super::bench::Bench;
 use super::point::Point;
 use super::problem::{Problem, Scratch};
+use super::trial::Trial;
 use super::{CalibrateError, extension, start};
 use crate::model::law::Law;
 use crate::model::{Layout, Model};

@@ -1,27 +1,22 @@
 //! From the solution of the least-squares problem to the result that users read.
 
 use std::collections::BTreeMap;
-use std::ops::{Add, Range};
 
 use nalgebra::{DMatrix, DVector, Vector3};
 
 use super::Unobservable;
-use super::noise;
+use super::channels;
 use super::observability::{self, Held};
 use super::point::{BorderLayout, Point};
 use super::problem::Problem;
-use super::reml::{self, Residue};
-use super::{
-    Calibration, ChannelFit, ChannelNoise, Covariance, NoiseSource, ParameterEstimate, Preset, RecordingUsed, Seconds,
-    Status,
-};
+use super::reml::Residue;
+use super::{Calibration, Covariance, NoiseSource, ParameterEstimate, Preset, RecordingUsed, Seconds, Status};
 use crate::model::rotation;
 use crate::recording::Recording;
 use crate::robot::Robot;
 use solve::LeastSquares;
 use solve::border::Border;
 use solve::levenberg::{self, Solution};
-use solve::threads::both;
 
 /// Correlations of this size are told.
 const STRONG: f64 = 0.9;
@@ -136,7 +131,7 @@ pub(super) fn summarise<'m>(
         .enumerate()
         .map(|(gyro, r)| (format!("imu{}", gyro + 1), std::array::from_fn(|i| std::array::from_fn(|j| r[(i, j)]))))
         .collect();
-    let (noise, fit) = channels(robot, problem, end, residue, threads);
+    let (noise, fit) = channels::channels(robot, problem, end, residue, threads);
     let shape = problem.shape();
     let unknowns = shape.stages * shape.stage + shape.border - held.len();
     let parameters = estimates(robot, problem, start, end, border, (held, silent, wider));
@@ -306,107 +301,4 @@ fn place_in_results(i: usize, results: usize, border: &BorderLayout) -> (usize, 
         i if i < first_bias => (2, i),
         i => (1, i),
     }
-}
-
-/// What a channel's rows and readings add up to.
-#[derive(Debug, Clone, Copy, Default)]
-struct ChannelSums {
-    rows: usize,
-    residual_squares: f64,
-    readings: usize,
-    sum: f64,
-    squares: f64,
-}
-
-impl ChannelSums {
-    /// Of every channel, over some stages.
-    fn of<'m>(problem: &Problem<'m>, end: &Point<'m>, stages: Range<usize>) -> Vec<Self> {
-        let mut sums = vec![ChannelSums::default(); problem.series.channels.len()];
-        let mut scratch = problem.scratch();
-        for k in stages {
-            problem.sensor_rows(end, k, &mut scratch, false, &mut |row| {
-                if let Some(channel) = row.channel {
-                    sums[channel].rows += 1;
-                    sums[channel].residual_squares += row.residual * row.residual;
-                }
-            });
-            for (sums, value) in sums.iter_mut().zip(problem.series.measured(k)) {
-                if value.is_finite() {
-                    sums.readings += 1;
-                    sums.sum += value;
-                    sums.squares += value * value;
-                }
-            }
-        }
-        sums
-    }
-}
-
-impl Add for ChannelSums {
-    type Output = Self;
-
-    fn add(self, other: Self) -> Self {
-        ChannelSums {
-            rows: self.rows + other.rows,
-            residual_squares: self.residual_squares + other.residual_squares,
-            readings: self.readings + other.readings,
-            sum: self.sum + other.sum,
-            squares: self.squares + other.squares,
-        }
-    }
-}
-
-/// Residuals of every channel and of every state component's step at the smoothed states.
-fn channels(
-    robot: &Robot,
-    problem: &Problem<'_>,
-    end: &Point<'_>,
-    residue: &Residue,
-    threads: usize,
-) -> (Vec<ChannelNoise>, Vec<ChannelFit>) {
-    let specs = &problem.series.channels;
-    let stages = problem.shape().stages;
-    let sums = |stages| ChannelSums::of(problem, end, stages);
-    let (first, second) = both(threads, || sums(0..stages / 2), || sums(stages / 2..stages));
-    let chi2 = |(rows, squares): (usize, f64), freedom: f64| {
-        (rows > 0 && freedom * rows as f64 > reml::FEWEST_DEGREES).then(|| squares / (freedom * rows as f64))
-    };
-    let share = |rows: usize, freedom: f64| (rows > 0 && freedom.is_finite()).then_some(freedom);
-    let mut noise = Vec::new();
-    let mut fit = Vec::new();
-    for (c, (spec, sums)) in specs.iter().zip(first.into_iter().zip(second)).enumerate() {
-        let ChannelSums { rows, residual_squares: squares, readings: count, sum, squares: sum_squares } =
-            sums.0 + sums.1;
-        let sigma = problem.noise().channels[c];
-        let mean_square = (rows > 0).then(|| squares / rows as f64);
-        let mean = sum / count as f64;
-        let deviation = (sum_squares / count as f64 - mean * mean).max(0.0).sqrt();
-        noise.push(ChannelNoise {
-            channel: spec.name.clone(),
-            unit: spec.unit.to_string(),
-            sigma,
-            floor: residue.floor.as_ref().map(|floor| floor.channels[c]),
-            freedom: share(rows, residue.freedom[c]),
-            chi2_per_dof: chi2((rows, squares / (sigma * sigma)), residue.freedom[c]),
-            left_out: 0,
-        });
-        fit.push(ChannelFit {
-            channel: spec.name.clone(),
-            rms: mean_square.map(f64::sqrt),
-            nrmse: mean_square.filter(|_| deviation > 0.0).map(|square| square.sqrt() / deviation),
-        });
-    }
-    for (i, (name, unit)) in noise::process_names(robot, problem.model.layout()).into_iter().enumerate() {
-        let freedom = residue.freedom[specs.len() + i];
-        noise.push(ChannelNoise {
-            channel: name,
-            unit: unit.to_string(),
-            sigma: problem.noise().process[i],
-            floor: residue.floor.as_ref().map(|floor| floor.process[i]),
-            freedom: freedom.is_finite().then_some(freedom),
-            chi2_per_dof: residue.process_chi2_per_dof[i],
-            left_out: 0,
-        });
-    }
-    (noise, fit)
 }
