@@ -1,0 +1,132 @@
+//! The end of a search on a bench: a model's laws, what they cost, and what the next search needs.
+
+use std::sync::Arc;
+
+use nalgebra::{DMatrix, Matrix3, Vector3};
+
+use super::extension::Known;
+use super::point::Point;
+use super::possible::{self, Beyond};
+use super::problem::Problem;
+use super::result::Calibration;
+use crate::model::Layout;
+use crate::model::law::Law;
+use solve::border::Border;
+
+/// A value with its standard error under the frozen noise.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TrialValue {
+    /// As in results.
+    pub name: String,
+    /// Unit.
+    pub unit: &'static str,
+    /// Estimate.
+    pub estimate: f64,
+    /// `None` where the search holds it or nothing shows it.
+    pub std_error: Option<f64>,
+    /// How much what else is unknown takes of its information: 1 is nothing.
+    pub vif: f64,
+}
+
+/// The end of a search on a [`Bench`].
+#[derive(Debug, Clone)]
+pub struct Trial {
+    /// What extends the base model.
+    pub laws: Vec<Arc<dyn Law>>,
+    /// ½ Σ r².
+    pub cost: f64,
+    /// How many times as large as their noise residuals make scores, where that is coloured or more than it was taken to be; at least 1.
+    pub inflation: f64,
+    /// Every parameter of the dynamics, the laws' behind the base model's.
+    pub values: Vec<TrialValue>,
+    pub(super) rotations: Vec<Matrix3<f64>>,
+    pub(super) biases: Vec<Vec<Vector3<f64>>>,
+    pub(super) states: Vec<f64>,
+    pub(super) layout: Layout,
+}
+
+impl Trial {
+    /// The value of this name.
+    pub fn value(&self, name: &str) -> Option<&TrialValue> {
+        self.values.iter().find(|value| value.name == name)
+    }
+
+    /// Whether every law's parameters are such as a robot can have: within their ranges, but for three standard errors and a twentieth of the
+    /// largest of their kind, which what the law leaves of a joint may make.
+    pub fn is_possible(&self) -> bool {
+        self.beyond().is_empty()
+    }
+
+    pub(super) fn beyond(&self) -> Vec<Beyond> {
+        let values = self.values.iter().map(|value| (value.name.as_str(), value.estimate, value.std_error));
+        possible::beyond(&self.laws, values)
+    }
+
+    /// The first of this trial's laws that a calibration leads where no robot can be.
+    pub fn impossible_in(&self, calibration: &Calibration) -> Option<usize> {
+        let results = calibration.parameters.iter();
+        let results = results.map(|result| (result.name.as_str(), result.estimate, result.std_error));
+        possible::beyond(&self.laws, results).first().map(|beyond| beyond.law)
+    }
+
+    /// Position and speed of link and motor of a joint at stage k.
+    pub fn joint(&self, k: usize, joint: usize) -> JointState {
+        let (x, layout) = (&self.states[k * self.layout.size()..][..self.layout.size()], &self.layout);
+        let (q, qd) = (x[layout.q(joint)], x[layout.qd(joint)]);
+        let elastic = layout.is_elastic(joint);
+        let (theta, thetad) = if elastic { (x[layout.theta(joint)], x[layout.thetad(joint)]) } else { (q, qd) };
+        JointState { q, qd, theta, thetad }
+    }
+
+    pub(super) fn known(&self) -> Known<'_> {
+        Known {
+            value: Box::new(|name| self.value(name).map(|value| value.estimate)),
+            rotations: self.rotations.clone(),
+            biases: self.biases.clone(),
+            states: &self.states,
+            layout: &self.layout,
+        }
+    }
+}
+
+/// A joint at one instant, rad or m and per second.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct JointState {
+    /// Link position.
+    pub q: f64,
+    /// Link speed.
+    pub qd: f64,
+    /// Motor position.
+    pub theta: f64,
+    /// Motor speed.
+    pub thetad: f64,
+}
+
+/// The results of the dynamics with their errors.
+pub(super) fn values(
+    problem: &Problem<'_>,
+    point: &Point<'_>,
+    border: &Border,
+    information: &[f64],
+) -> Vec<TrialValue> {
+    let coordinates = problem.model.coordinates();
+    let covariance = border.covariance();
+    let size = problem.border().size();
+    coordinates
+        .names()
+        .enumerate()
+        .map(|(i, (name, unit))| {
+            let (estimate, slopes) = coordinates.physical_and_slopes(&point.z, i);
+            let variance = |covariance: &DMatrix<f64>| {
+                let sum = slopes.iter().flat_map(|(a, by_a)| slopes.iter().map(move |(b, by_b)| (a, b, by_a * by_b)));
+                sum.map(|(a, b, by)| by * covariance[(*a, *b)]).sum::<f64>()
+            };
+            let std_error = covariance.as_ref().map(|c| variance(c).sqrt()).filter(|e| e.is_finite() && *e > 0.0);
+            let inflation = |(a, _): &(usize, f64)| {
+                covariance.as_ref().map_or(f64::NAN, |c| c[(*a, *a)] * information[a * size + a])
+            };
+            let vif = slopes.iter().map(inflation).fold(f64::NAN, f64::max);
+            TrialValue { name: name.to_string(), unit, estimate, std_error, vif }
+        })
+        .collect()
+}
