@@ -37,7 +37,15 @@ pub fn margin(
     let refitted = |(mut scanned, family): (Vec<Scanned>, Scan)| {
         // Its own class is that of the best.
         scanned.sort_by_key(|scanned| !is_own(scanned));
-        let on = Refit { few: &few, on_few: &on_few, bench: &bench, found: &found, family: &family, events: &events };
+        let on = Refit {
+            few: &few,
+            on_few: &on_few,
+            bench: &bench,
+            found: &found,
+            family: &family,
+            events: &events,
+            few_tell: true,
+        };
         refit(&on, scanned)
     };
     let mut tried = refitted(scan(&few, &found.accepted, &on_few, &candidates)?);

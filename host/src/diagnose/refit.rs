@@ -42,6 +42,8 @@ pub struct Refit<'a> {
     pub found: &'a Search,
     /// The null of the scan.
     pub family: &'a Scan,
+    /// Whether few samples show what there is: then they tell which laws are beaten. Else all that is refitted goes to the samples that decide.
+    pub few_tell: bool,
     /// Laws started from what the recording shows of events and contacts.
     pub events: &'a Events,
 }
@@ -86,15 +88,17 @@ pub fn refit(on: &Refit<'_>, scanned: Vec<Scanned>) -> Vec<Scanned> {
 pub fn straighten(on: &Refit<'_>, refitted: &mut [Scanned]) {
     for s in refitted.iter_mut() {
         let Some(bent) = s.bent.take() else { continue };
+        if !on.few_tell {
+            on.within(s, &bent);
+            continue;
+        }
         let trial = on.few.fit_within(&bent, ITERATIONS).ok();
         on.judge(s, trial.as_ref(), on.on_few);
         s.on_few = trial.filter(|_| s.score > 0.0);
         if s.on_few.is_some() {
             on.in_full(s);
-            let trial = s.bent.take().and_then(|bent| on.bench.fit_within(&bent, ITERATIONS).ok());
-            if trial.is_some() {
-                on.judge(s, trial.as_ref(), &on.found.trial);
-                s.trial = trial.filter(|_| s.score > 0.0);
+            if let Some(bent) = s.bent.take() {
+                on.within(s, &bent);
             }
         }
         tracing::debug!(effect = s.named.effect.id, score = s.score, "straightened");
@@ -109,12 +113,15 @@ fn best_of_scan(on: &Refit<'_>, scanned: Vec<Scanned>) -> Vec<Scanned> {
     let wanted = |place: usize, s: &Scanned| place < BEST || are_alike(best, s.named.effect);
     let found = scanned.into_iter().filter(|s| s.p_family < LEVEL).enumerate();
     let (first, others): (Vec<_>, Vec<_>) = found.partition(|(place, s)| wanted(*place, s));
-    let try_on_few = |(_, s): (usize, Scanned)| on.on_few_samples(s.named);
-    let mut refitted: Vec<Scanned> = first.into_iter().map(try_on_few).collect();
+    let try_it = |(_, s): (usize, Scanned)| if on.few_tell { on.on_few_samples(s.named) } else { on.at_once(s.named) };
+    let mut refitted: Vec<Scanned> = first.into_iter().map(try_it).collect();
     // A fit may end far from the tangent: what the best may be taken for then is tried too.
     if let Some(best) = refitted.iter().max_by(|a, b| a.score.total_cmp(&b.score)).map(|best| best.named.effect) {
         let alike = others.into_iter().filter(|(_, s)| are_alike(best, s.named.effect));
-        refitted.extend(alike.map(try_on_few).collect::<Vec<_>>());
+        refitted.extend(alike.map(try_it).collect::<Vec<_>>());
+    }
+    if !on.few_tell {
+        return refitted;
     }
     let most = refitted.iter().map(|s| s.score).fold(0.0, f64::max);
     let more = on.bench.series().stages() as f64 / on.few.series().stages().max(1) as f64;
@@ -162,6 +169,20 @@ impl Refit<'_> {
         self.judge(&mut scanned, trial.as_ref(), self.on_few);
         scanned.on_few = trial.filter(|_| scanned.score > 0.0);
         scanned
+    }
+
+    fn at_once(&self, named: Named) -> Scanned {
+        let mut scanned = Scanned::untried(named);
+        self.in_full(&mut scanned);
+        scanned
+    }
+
+    /// The bent end of a fit on the samples that decide, fitted again within its ranges.
+    fn within(&self, scanned: &mut Scanned, bent: &Trial) {
+        if let Ok(trial) = self.bench.fit_within(bent, ITERATIONS) {
+            self.judge(scanned, Some(&trial), &self.found.trial);
+            scanned.trial = Some(trial).filter(|_| scanned.score > 0.0);
+        }
     }
 
     fn in_full(&self, scanned: &mut Scanned) {

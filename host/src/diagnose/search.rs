@@ -166,7 +166,8 @@ pub fn search(
         let (of_enough, mut family);
         family = &of_few;
         step("refitting the best");
-        let on = |family| Refit { few, on_few: &on_few, bench, found: &found, family, events };
+        let on = |family, few_tell| Refit { few, on_few: &on_few, bench, found: &found, family, events, few_tell };
+        let mut few_tell = true;
         let samples = bench.series().stages();
         let best_first = |refitted: &mut Vec<Scanned>| {
             refitted.sort_by(|a, b| worth(b, samples).total_cmp(&worth(a, samples)));
@@ -175,7 +176,7 @@ pub fn search(
         let explained = 2.0 * (base.cost - found.trial.cost);
         let more = samples as f64 / few.series().stages().max(1) as f64;
         let may_earn = |s: &Scanned| !is_rest(&found.accepted, explained, s, TANGENT * more * s.score);
-        let mut refitted = refit(&on(family), scanned.iter().filter(|s| may_earn(s)).cloned().collect());
+        let mut refitted = refit(&on(family, few_tell), scanned.iter().filter(|s| may_earn(s)).cloned().collect());
         best_first(&mut refitted);
         step("holding them against curves");
         let mut curves = curves(few, &on_few, (bench, &found.trial))?;
@@ -198,8 +199,8 @@ pub fn search(
         if best.is_none() && scanned.iter().all(|s| s.p_family >= LEVEL || s.score < WEAK) {
             step("scanning more samples");
             (scanned, of_enough) = scan(bench, &found.accepted, &found.trial, &usual)?;
-            family = &of_enough;
-            refitted = refit(&on(family), scanned.clone());
+            (family, few_tell) = (&of_enough, false);
+            refitted = refit(&on(family, few_tell), scanned.clone());
             best_first(&mut refitted);
             best = refitted.iter().find(earns).cloned();
         }
@@ -207,7 +208,7 @@ pub fn search(
         // A first cause may be bent by a second one; after a sound one it is what that leaves.
         let may_be_bent = found.accepted.is_empty() || before_doubt.is_some();
         if may_go_on && may_be_bent && !holds && rival.is_some() && refitted.iter().any(|s| s.bent.is_some()) {
-            straighten(&on(family), &mut refitted);
+            straighten(&on(family, few_tell), &mut refitted);
             best_first(&mut refitted);
             best = refitted.iter().find(earns).cloned();
             holds = best.as_ref().is_some_and(|best| is_held(best, &refitted));
