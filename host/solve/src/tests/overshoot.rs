@@ -56,3 +56,21 @@ fn steps_that_go_too_far_or_not_far_enough_are_mended() {
         assert!((3..=12).contains(&iterations), "{iterations} iterations");
     }
 }
+
+#[test]
+fn a_search_goes_on_while_the_cost_falls() {
+    let problem = Bent { stages: 10, bend: 0.73 };
+    let iterations = |most_while_falling| {
+        let settings = Settings { max_iterations: 3, most_while_falling, ..Settings::default() };
+        let solution = minimise(&problem, (vec![0.5; 10], 1e6), &[], &settings, |_, _| {}).unwrap();
+        (solution.iterations.len(), solution.point.1)
+    };
+    // Far away ½ c p² is all there is: every step halves p at best.
+    let (few, p) = iterations(3);
+    assert!(few == 3 && p > 1e4, "{few} iterations, p = {p:e}");
+    let (more, _) = iterations(6);
+    assert_eq!(more, 6);
+    // Where it hardly falls any more the search ends, long before its bound. Measured: 22, to p = 1e-4.
+    let (all, p) = iterations(60);
+    assert!((18..=26).contains(&all) && p.abs() < 1e-2, "{all} iterations, p = {p:e}");
+}
