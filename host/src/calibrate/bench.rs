@@ -9,6 +9,7 @@ use std::sync::Arc;
 use super::extension::{self, Known};
 use super::inflation::inflation;
 use super::noise::Noise;
+use super::noise_free::NoiseFree;
 use super::point::Point;
 use super::possible::Beyond;
 use super::preset::Preset;
@@ -160,6 +161,13 @@ impl<'a> Bench<'a> {
         let trimmed = from.known();
         let value = |name: &str| (trimmed.value)(name).or_else(|| other.value(name).map(|value| value.estimate));
         self.search(laws, &Known { value: Box::new(value), ..from.known() }, &[], iterations)
+    }
+
+    /// Whether the model of a trial on this bench leaves every bound as it runs free along the inputs: no simulation could use it.
+    pub fn runs_away(&self, trial: &Trial) -> bool {
+        let Ok(model) = Model::extended(self.robot, trial.laws.clone()) else { return true };
+        let (problem, point, _) = self.at(&model, &trial.known());
+        NoiseFree::of(&problem, &point).ran_away
     }
 
     /// k_pwm U u (or k_t i, or the torque itself) at stage k by the values of a trial, N m or N.

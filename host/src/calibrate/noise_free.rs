@@ -33,6 +33,8 @@ pub(super) struct NoiseFree<'m> {
     pub point: Point<'m>,
     /// What the motion did with each joint.
     pub joints: Vec<Moved>,
+    /// Whether the run left every bound and had to begin again.
+    pub ran_away: bool,
 }
 
 /// The largest that a joint did.
@@ -51,7 +53,7 @@ impl<'m> NoiseFree<'m> {
     pub fn of(problem: &Problem<'m>, point: &Point<'m>) -> Self {
         let (layout, series) = (problem.model.layout(), problem.series);
         let (n, size) = (layout.joints(), layout.size());
-        let mut free = NoiseFree { point: point.clone(), joints: vec![Moved::default(); n] };
+        let mut free = NoiseFree { point: point.clone(), joints: vec![Moved::default(); n], ran_away: false };
         let mut stepper = Stepper::new(problem.assumptions.integrator);
         let (mut x, mut next) = (vec![0.0; size], vec![0.0; size]);
         let mut late_input = [Vec::new(), Vec::new()];
@@ -75,6 +77,7 @@ impl<'m> NoiseFree<'m> {
                     }
                     if x.iter().any(|value| !value.is_finite() || value.abs() > RUN_AWAY) {
                         // Parameters so far off that one step runs away: nothing is known of this motion but its readings.
+                        free.ran_away = true;
                         x.copy_from_slice(smoothed);
                         free.point.states[(k - 1) * size..k * size].copy_from_slice(point.state(k - 1));
                     }

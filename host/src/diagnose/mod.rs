@@ -23,6 +23,7 @@ mod settle;
 mod shapeless;
 mod significance;
 mod tell;
+mod worth;
 mod yardstick;
 
 pub use bootstrap::Gain;

@@ -16,6 +16,7 @@ use super::refit::{Events, Refit, refit, straighten};
 use super::scan::{Scan, Score};
 use super::settle::accept;
 use super::significance::p_of_score;
+use super::worth::{is_rest, worth};
 use crate::calibrate::{Bench, CalibrateError, Trial};
 use crate::effect::{CATALOGUE, Effect};
 use crate::model::law::Law;
@@ -37,8 +38,6 @@ const CURVES_REFITTED: usize = 2;
 pub const FINAL_ITERATIONS: usize = 25;
 /// A named law explains this share of what the best curve does.
 const NAMED_SHARE: f64 = 0.8;
-/// Of what accepted causes explain, the share that another law on the same equation has to add to be one more cause.
-const REST: f64 = 0.01;
 /// What a law explains is hardly ever more than so many times the score of a scan, which is a tangent.
 const TANGENT: f64 = 10.0;
 /// Of two laws together.
@@ -188,21 +187,28 @@ pub fn search(
         let earns = |s: &&Scanned| {
             s.p_family < LEVEL && worth(s, samples) > 0.0 && !is_rest(&found.accepted, explained, s, s.score)
         };
+        // A model that runs away where the one before did not is no robot's, however well its steps fit one after the other.
+        let is_sound = |s: &&Scanned| {
+            let bad = |trial: &Trial| bench.runs_away(trial) && !bench.runs_away(&found.trial);
+            earns(s) && !s.trial.as_ref().is_some_and(bad)
+        };
         let rival = curves.first().filter(|curve| curve.p_family < LEVEL);
         let enough = |score: f64| rival.is_none_or(|curve| score >= NAMED_SHARE * curve.score);
         let may_go_on = found.accepted.len() < MOST_FINDINGS;
         let is_held = |best: &Scanned, refitted: &[Scanned]| {
             enough(best.score) || enough(with_another(bench, &found, best, refitted, enough))
         };
-        let mut best = refitted.iter().find(earns).cloned();
-        // What few samples show well and nothing may be made of, more samples show too. What they hardly show may be anything.
-        if best.is_none() && scanned.iter().all(|s| s.p_family >= LEVEL || s.score < WEAK) {
+        let mut best = refitted.iter().find(is_sound).cloned();
+        // What few samples show well and nothing may be made of, more samples show too. What they hardly show may be anything; beside a cause that
+        // has been found, most likely what its law leaves.
+        if best.is_none() && found.accepted.is_empty() && scanned.iter().all(|s| s.p_family >= LEVEL || s.score < WEAK)
+        {
             step("scanning more samples");
             (scanned, of_enough) = scan(bench, &found.accepted, &found.trial, &usual)?;
             (family, few_tell) = (&of_enough, false);
             refitted = refit(&on(family, few_tell), scanned.clone());
             best_first(&mut refitted);
-            best = refitted.iter().find(earns).cloned();
+            best = refitted.iter().find(is_sound).cloned();
         }
         let mut holds = may_go_on && best.as_ref().is_some_and(|best| is_held(best, &refitted));
         // A first cause may be bent by a second one; after a sound one it is what that leaves.
@@ -210,7 +216,7 @@ pub fn search(
         if may_go_on && may_be_bent && !holds && rival.is_some() && refitted.iter().any(|s| s.bent.is_some()) {
             straighten(&on(family, few_tell), &mut refitted);
             best_first(&mut refitted);
-            best = refitted.iter().find(earns).cloned();
+            best = refitted.iter().find(is_sound).cloned();
             holds = best.as_ref().is_some_and(|best| is_held(best, &refitted));
         }
         if found.accepted.is_empty() {
@@ -243,13 +249,6 @@ pub fn search(
     }
 }
 
-/// Whether a law of this score explains no more than what the law of an accepted cause, on the same equation, may leave of it: laws are smooth, gaps and
-/// dead bands are not.
-fn is_rest(accepted: &[Accepted], explained: f64, scanned: &Scanned, score: f64) -> bool {
-    let same_row = accepted.iter().any(|accepted| accepted.named.effect.row == scanned.named.effect.row);
-    same_row && score < REST * explained
-}
-
 /// What the best law gains together with another of the refitted ones on the same equation, as soon as that is `enough`: where two causes follow
 /// the same argument, one curve takes both, and neither alone holds its own against it.
 fn with_another(
@@ -280,19 +279,16 @@ fn with_another(
 /// For the log.
 fn note<'a>(what: &str, scanned: impl Iterator<Item = &'a Scanned>) {
     for s in scanned {
-        tracing::debug!(effect = s.named.effect.id, score = s.score, freedom = s.freedom, p = s.p_family, "{what}");
+        let inflation = s.trial.as_ref().map(|trial| trial.inflation);
+        tracing::debug!(
+            effect = s.named.effect.id,
+            score = s.score,
+            freedom = s.freedom,
+            p = s.p_family,
+            inflation,
+            "{what}"
+        );
     }
-}
-
-/// What a law is worth on so many samples: its score less Schwarz's price of its parameters. A law that contains another one as a special
-/// case gains as much; the simpler one is meant.
-pub fn worth(scanned: &Scanned, samples: usize) -> f64 {
-    scanned.score - price(scanned.freedom, samples)
-}
-
-/// Schwarz's price of so many parameters.
-pub fn price(freedom: usize, samples: usize) -> f64 {
-    freedom as f64 * (samples.max(2) as f64).ln()
 }
 
 /// The best alternative of every candidate that is not in yet, and the scan that they come from; best first.

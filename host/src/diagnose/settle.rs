@@ -5,10 +5,9 @@
 //! ```
 
 use super::refit::are_alike;
-use super::search::{
-    Accepted, DROP_ITERATIONS, FINAL_ITERATIONS, LEVEL, Named, Rival, Scanned, Search, laws, price, worth,
-};
+use super::search::{Accepted, DROP_ITERATIONS, FINAL_ITERATIONS, LEVEL, Named, Rival, Scanned, Search, laws};
 use super::significance::p_of_score;
+use super::worth::{price, worth};
 use crate::calibrate::{Bench, CalibrateError, Trial};
 
 /// Laws whose scores differ by less cannot be told apart.
