@@ -28,7 +28,7 @@ pub struct TrialValue {
     pub vif: f64,
 }
 
-/// The end of a search on a [`Bench`].
+/// The end of a search on a [`Bench`](super::Bench).
 #[derive(Debug, Clone)]
 pub struct Trial {
     /// What extends the base model.
