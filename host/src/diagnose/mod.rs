@@ -34,9 +34,11 @@ pub use result::{
 pub use search::LEVEL;
 pub use yardstick::yardstick;
 
+use std::cell::OnceCell;
+
 use refit::Events;
 
-use crate::calibrate::{Bench, CalibrateError, Fit, Method, Preset, Trial, extend_as, fit};
+use crate::calibrate::{Bench, CalibrateError, Fit, Method, Preset, Series, Trial, extend_as, fit};
 use crate::effect::{Effect, EffectError};
 use crate::model::Model;
 use crate::recording::Recording;
@@ -103,7 +105,16 @@ pub fn diagnose(
     let [(few, few_base), (bench, trial)] = benches(robot, &base, &options.settings)?;
     let (mut candidates, unsuited) = candidate::catalogue(robot, &options.without);
     let mut events = Events::of(bench.trimmed(&trial)?, &candidates);
-    let mut found = search::search((&few, &few_base), (&bench, &trial), (&candidates, &events), step)?;
+    let others = OnceCell::new();
+    let cost_of_others = |trial: &Trial| {
+        let others = others.get_or_init(|| {
+            let series = Series::of(robot, &[unseen]);
+            bench.of_others(series.excerpt(FEW_SAMPLES, WINDOWS).unwrap_or(series))
+        });
+        let samples = others.series().stages();
+        (samples > 0).then(|| others.cost_as(trial).ok().map(|cost| cost / samples as f64)).flatten()
+    };
+    let mut found = search::search((&few, &few_base), (&bench, &trial), &cost_of_others, (&candidates, &events), step)?;
 
     let extended = loop {
         step("calibrating the extended model");
@@ -119,7 +130,7 @@ pub fn diagnose(
         candidates.retain(|candidate| candidate.effect.id != impossible.id);
         events.named.retain(|named| named.effect.id != impossible.id);
         let first = std::mem::take(&mut found.first_scan);
-        found = search::search((&few, &few_base), (&bench, &trial), (&candidates, &events), step)?;
+        found = search::search((&few, &few_base), (&bench, &trial), &cost_of_others, (&candidates, &events), step)?;
         // What it stood for is there, though nothing may be left to name it.
         found.refused = found.refused.or_else(|| first.iter().find(|s| s.named.effect.id == impossible.id).cloned());
         found.first_scan = first;

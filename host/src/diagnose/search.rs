@@ -16,7 +16,7 @@ use super::refit::{Events, Refit, refit, straighten};
 use super::scan::{Scan, Score};
 use super::settle::accept;
 use super::significance::p_of_score;
-use super::worth::{is_rest, worth};
+use super::worth::{Scale, is_rest, keeps};
 use crate::calibrate::{Bench, CalibrateError, Trial};
 use crate::effect::{CATALOGUE, Effect};
 use crate::model::law::Law;
@@ -143,14 +143,15 @@ pub fn laws<'a>(named: impl Iterator<Item = &'a Named>) -> Vec<Arc<dyn Law>> {
     sorted.into_iter().map(|named| named.law.clone()).collect()
 }
 
-/// Searches from the base model, a trial on each bench: `few` samples for the scan of everything, `bench` for what decides. `step` is told
-/// what begins.
+/// Searches from the base model, a trial on each bench: `few` samples for the scan of everything, `bench` for what decides. `unseen` is ½ Σ r²,
+/// a sample, of samples that are on neither bench, with the parameters of a trial. `step` is told what begins.
 ///
 /// # Errors
 /// As a calibration's, of a model that was accepted; a candidate that cannot be fitted is passed over.
 pub fn search(
     (few, few_base): (&Bench<'_>, &Trial),
     (bench, base): (&Bench<'_>, &Trial),
+    unseen: &dyn Fn(&Trial) -> Option<f64>,
     (candidates, events): (&[Candidate], &Events),
     step: &dyn Fn(&str),
 ) -> Result<Search, CalibrateError> {
@@ -169,10 +170,12 @@ pub fn search(
         let mut few_tell = true;
         let samples = bench.series().stages();
         let best_first = |refitted: &mut Vec<Scanned>| {
-            refitted.sort_by(|a, b| worth(b, samples).total_cmp(&worth(a, samples)));
+            let scale = Scale::of(refitted, &found.trial, samples);
+            refitted.sort_by(|a, b| scale.worth(b.score, b.freedom).total_cmp(&scale.worth(a.score, a.freedom)));
             note("refit", refitted.iter());
         };
         let explained = 2.0 * (base.cost - found.trial.cost);
+        tracing::debug!(explained, left = 2.0 * found.trial.cost, inflation = found.trial.inflation, samples, "model");
         let more = samples as f64 / few.series().stages().max(1) as f64;
         let may_earn = |s: &Scanned| !is_rest(&found.accepted, explained, s, TANGENT * more * s.score);
         let mut refitted = refit(&on(family, few_tell), scanned.iter().filter(|s| may_earn(s)).cloned().collect());
@@ -185,12 +188,15 @@ pub fn search(
         }
         // A law has to earn its parameters besides: what the null of the draws does not hold, a clock that jitters, gains a little too.
         let earns = |s: &&Scanned| {
-            s.p_family < LEVEL && worth(s, samples) > 0.0 && !is_rest(&found.accepted, explained, s, s.score)
+            let scale = Scale::after(s.trial.as_ref().unwrap_or(&found.trial), samples);
+            let earned = scale.worth(s.score, s.freedom) > 0.0;
+            s.p_family < LEVEL && earned && !is_rest(&found.accepted, explained, s, s.score)
         };
         // A model that runs away where the one before did not is no robot's, however well its steps fit one after the other.
         let is_sound = |s: &&Scanned| {
             let bad = |trial: &Trial| bench.runs_away(trial) && !bench.runs_away(&found.trial);
-            earns(s) && !s.trial.as_ref().is_some_and(bad)
+            let is_kept = |s: &Scanned| found.accepted.is_empty() || keeps(s, &found.trial, samples, unseen);
+            earns(s) && !s.trial.as_ref().is_some_and(bad) && is_kept(s)
         };
         let rival = curves.first().filter(|curve| curve.p_family < LEVEL);
         let enough = |score: f64| rival.is_none_or(|curve| score >= NAMED_SHARE * curve.score);
@@ -265,9 +271,9 @@ fn with_another(
     for other in others.filter(|other| other.named.effect.row == best.named.effect.row && other.score > 0.0) {
         let named = found.accepted.iter().map(|accepted| &accepted.named).chain([&best.named, &other.named]);
         let Ok(both) = bench.fit(&laws(named), trial, PAIR_ITERATIONS) else { continue };
-        let second = Scanned { score: 2.0 * (trial.cost - both.cost), ..other.clone() };
-        if worth(&second, samples) > 0.0 {
-            most = most.max(best.score + second.score);
+        let gained = 2.0 * (trial.cost - both.cost);
+        if Scale::after(&both, samples).worth(gained, other.freedom) > 0.0 {
+            most = most.max(best.score + gained);
         }
         if enough(most) {
             break;

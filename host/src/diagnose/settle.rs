@@ -7,10 +7,10 @@
 use super::refit::are_alike;
 use super::search::{Accepted, DROP_ITERATIONS, FINAL_ITERATIONS, LEVEL, Named, Rival, Scanned, Search, laws};
 use super::significance::p_of_score;
-use super::worth::{price, worth};
+use super::worth::Scale;
 use crate::calibrate::{Bench, CalibrateError, Trial};
 
-/// Laws whose scores differ by less cannot be told apart.
+/// Laws whose worths differ by less cannot be told apart.
 const ALIAS: f64 = 12.0;
 /// Rivals that are tried in the place of a cause.
 const MOST_SWAPS: usize = 2;
@@ -25,7 +25,8 @@ pub fn accept(
     best: Scanned,
     refitted: &[Scanned],
 ) -> Result<(), CalibrateError> {
-    let samples = bench.series().stages();
+    let scale = Scale::of(refitted, &found.trial, bench.series().stages());
+    let worth = |s: &Scanned| scale.worth(s.score, s.freedom);
     let rivals = refitted
         .iter()
         .filter(|other| other.named.effect.id != best.named.effect.id)
@@ -34,7 +35,7 @@ pub fn accept(
             freedom: other.freedom,
             score: other.score,
             axes: other.axes.clone(),
-            is_alias: worth(&best, samples) - worth(other, samples) < ALIAS,
+            is_alias: worth(&best) - worth(other) < ALIAS,
         })
         .collect();
     let Scanned { named, score, p_family, freedom, .. } = best;
@@ -89,7 +90,6 @@ fn swap(bench: &Bench<'_>, found: &mut Search) {
 
 /// A rival of the cause at `place` that is worth more there beside the others, with its fit and by how much.
 fn better(bench: &Bench<'_>, found: &Search, place: usize) -> Option<(Rival, Trial, f64)> {
-    let samples = bench.series().stages();
     let accepted = &found.accepted[place];
     let is_in = |named: &Named| found.accepted.iter().any(|other| other.named.effect.id == named.effect.id);
     let mut alike: Vec<&Rival> = accepted
@@ -103,8 +103,10 @@ fn better(bench: &Bench<'_>, found: &Search, place: usize) -> Option<(Rival, Tri
     alike.into_iter().take(MOST_SWAPS).find_map(|rival| {
         let named = others().map(|(_, accepted)| &accepted.named).chain([&rival.named]);
         let trial = bench.fit(&laws(named), &found.trial, DROP_ITERATIONS).ok()?;
+        let best = if trial.cost < found.trial.cost { &trial } else { &found.trial };
+        let scale = Scale::after(best, bench.series().stages());
         let gained =
-            2.0 * (found.trial.cost - trial.cost) + price(accepted.freedom, samples) - price(rival.freedom, samples);
+            scale.worth(2.0 * (found.trial.cost - trial.cost), rival.freedom) - scale.worth(0.0, accepted.freedom);
         tracing::debug!(effect = accepted.named.effect.id, by = rival.named.effect.id, gained, "swap?");
         (gained > 0.0 && trial.is_possible()).then(|| (rival.clone(), trial, gained))
     })
