@@ -376,7 +376,7 @@ mod tests {
         let mut off = trial.clone();
         off.values.iter_mut().find(|value| value.name == "k_s[2]").unwrap().estimate *= 1.01;
         let more = others.cost_as(&off).unwrap();
-        // Measured 1035, of which a standard error of 1 % / √2069 would make as much.
+        // Measured 1035 = ½ 45²: alone, the stiffness would be known to a 45th of 1 %.
         let lost = more - trial.cost;
         assert!((900.0..1200.0).contains(&lost), "{lost}");
     }
