@@ -79,7 +79,8 @@ fn is_held_back(parameters: &Parameters, result: &LawResult, estimate: f64, std_
         return false;
     };
     let little = 1e-6 * width;
-    (at <= least + little || at >= most - little) && error < TELLS * width
+    let at_least = at <= least + little && result.finest.is_none();
+    (at_least || at >= most - little) && error < TELLS * width
 }
 
 #[cfg(test)]

@@ -24,6 +24,9 @@ pub(super) const EFFECT: Effect = Effect {
 };
 
 const TIME_CONSTANT_S: [f64; 3] = [0.5e-3, 1.5e-3, 4e-3];
+/// The least T that steps follow, in sample periods. A step h of the model's integrator carries 1 − x + x²/2 − x³/6 + x⁴/24 of ω_f over, x = h/T, instead
+/// of e⁻ˣ: least at x = 1.596, and beyond that a short lag looks like a long one.
+const FINEST: f64 = 1.0 / 1.596;
 
 #[derive(Debug)]
 struct GyroLag {
@@ -89,6 +92,7 @@ fn laws(robot: &Robot) -> Laws {
             parameters.positive("T", "s", Of::Gyro(gyro), start_s);
         }
         parameters.within("T", [0.0, 0.05]);
+        parameters.no_finer("T", FINEST * robot.sample_period_s);
         FilterLaw { parameters }
     };
     each([1.5, 0.7, 4.0].map(|periods| with(periods * robot.sample_period_s)))

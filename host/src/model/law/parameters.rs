@@ -100,6 +100,8 @@ pub struct LawResult {
     pub form: Form,
     /// What it can be in a robot.
     pub range: [f64; 2],
+    /// Less is not told from this.
+    pub finest: Option<f64>,
 }
 
 /// The parameters of one law.
@@ -142,18 +144,21 @@ impl Parameters {
             _ => unit,
         };
         let name = format!("{}.{symbol}{}", self.id, of.index());
-        self.results.push(LawResult { name, unit, form, range: [f64::NEG_INFINITY, f64::INFINITY] });
+        self.results.push(LawResult { name, unit, form, range: [f64::NEG_INFINITY, f64::INFINITY], finest: None });
     }
 
     /// Where a search goes no farther: for each coordinate that is a result itself and has a range with two ends, half its width beyond either;
-    /// for each logarithm, a factor of two beyond either.
+    /// for each logarithm, a factor of two beyond either, and not below the finest that is told.
     pub(crate) fn bounds(&self) -> impl Iterator<Item = (usize, [f64; 2])> + '_ {
         self.results.iter().filter_map(|result| {
             let [low, high] = result.range;
             let beyond = 0.5 * (high - low);
             match result.form {
                 Form::Is(i) if beyond.is_finite() => Some((i, [low - beyond, high + beyond])),
-                Form::Exp(i) if high.is_finite() => Some((i, [(0.5 * low.max(0.0)).ln(), (2.0 * high).ln()])),
+                Form::Exp(i) if high.is_finite() => {
+                    let least = (0.5 * low.max(0.0)).max(result.finest.unwrap_or(0.0));
+                    Some((i, [least.ln(), (2.0 * high).ln()]))
+                }
                 _ => None,
             }
         })
@@ -162,12 +167,21 @@ impl Parameters {
     /// Says what the results of this symbol can be in a robot. A fit is free to leave the range, though not farther than half its width, or twice
     /// or half of it where the logarithm is fitted; a diagnosis then does not believe it.
     pub fn within(&mut self, symbol: &str, range: [f64; 2]) {
+        self.of_symbol(symbol).for_each(|result| result.range = range);
+    }
+
+    /// Says what the finest value of a logarithm of this symbol is that steps of the model follow: a search stays above it, and ends there where the truth is
+    /// finer, which is no reason not to believe it.
+    pub fn no_finer(&mut self, symbol: &str, finest: f64) {
+        self.of_symbol(symbol).for_each(|result| result.finest = Some(finest));
+    }
+
+    fn of_symbol(&mut self, symbol: &str) -> impl Iterator<Item = &mut LawResult> {
         let name = format!("{}.{symbol}", self.id);
-        for result in &mut self.results {
-            if result.name.strip_prefix(&name).is_some_and(|rest| rest.is_empty() || rest.starts_with('[')) {
-                result.range = range;
-            }
-        }
+        let is_of = move |result: &&mut LawResult| {
+            result.name.strip_prefix(&name).is_some_and(|rest| rest.is_empty() || rest.starts_with('['))
+        };
+        self.results.iter_mut().filter(is_of)
     }
 
     /// A number as it is. Gives its coordinate.
@@ -280,6 +294,9 @@ mod tests {
         p.within("k", [0.0, 0.05]);
         let bounds: Vec<_> = p.bounds().collect();
         assert_eq!(bounds, [(1, [f64::NEG_INFINITY, 0.1_f64.ln()])]);
+        p.no_finer("k", 6e-4);
+        let bounds: Vec<_> = p.bounds().collect();
+        assert_eq!(bounds, [(1, [6e-4_f64.ln(), 0.1_f64.ln()])]);
     }
 
     #[test]
