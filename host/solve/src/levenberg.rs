@@ -7,7 +7,8 @@
 use std::time::Instant;
 
 use super::border::Border;
-use super::factor::{Factor, SolveError};
+use super::error::SolveError;
+use super::factor::Factor;
 use super::threads::both;
 use super::{LeastSquares, Precision, Step};
 

@@ -16,17 +16,22 @@
 
 pub mod border;
 pub mod columns;
+pub mod error;
 pub mod factor;
 pub mod inverse;
 pub mod kernel;
 pub mod levenberg;
 mod problem;
+mod shape;
 pub mod simd;
+mod stage;
 mod store;
 mod sweep;
 #[cfg(test)]
 mod tests;
 pub mod threads;
 
-pub use problem::{BATCH, LeastSquares, Row, RowAt, Shape, Stage, Step};
+pub use problem::{LeastSquares, Step};
+pub use shape::{BATCH, Shape};
+pub use stage::{Row, RowAt, Stage};
 pub use store::Precision;

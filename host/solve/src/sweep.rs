@@ -3,9 +3,10 @@
 use std::time::{Duration, Instant};
 
 use super::LeastSquares;
-use super::factor::Singular;
+use super::error::Singular;
 use super::kernel::{self, Pivot, Rows, Sums};
-use super::problem::{BATCH, Columns, Panel, Stage};
+use super::shape::{BATCH, Columns};
+use super::stage::{Panel, Stage};
 use super::store::StoreMut;
 use crate::simd::{LANES, Quad, Simd, Work, vectorised};
 

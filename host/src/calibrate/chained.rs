@@ -14,8 +14,9 @@ use nalgebra::{Const, Matrix3, SVector, Vector3};
 use num_dual::{Derivative, DualSVec64};
 
 use super::point::Point;
-use super::problem::{GyroRow, Problem, Scratch};
+use super::problem::{Problem, Scratch};
 use super::row::{Depends, Row};
+use super::row_plan::GyroRow;
 use crate::model::rotation::skew;
 use crate::robot::chain::{Chain, MAX_JOINTS};
 

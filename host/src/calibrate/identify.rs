@@ -23,7 +23,8 @@ use super::preset::GyroRows;
 use super::problem::Problem;
 use crate::model::{SensorFrame, rotation};
 use crate::robot::{Friction, Joint, JointKind, Robot, Side, Symbol};
-use solve::factor::{self, SolveError};
+use solve::error::SolveError;
+use solve::factor;
 use solve::{LeastSquares, Step};
 
 /// Information below which a 95 % interval is wider than the prior guess, in units of the guess.

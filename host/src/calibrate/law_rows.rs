@@ -3,8 +3,9 @@
 use nalgebra::Vector3;
 
 use super::point::Point;
-use super::problem::{GyroRow, Problem, ScalarRow, Scratch};
+use super::problem::{Problem, Scratch};
 use super::row::{Depends, Row};
+use super::row_plan::{GyroRow, ScalarRow};
 use crate::model::Input;
 use crate::model::rotation::skew;
 use crate::robot::Side;

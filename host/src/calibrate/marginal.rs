@@ -19,7 +19,8 @@ use super::observability::Held;
 use super::point::Point;
 use super::problem::Problem;
 use super::search::Found;
-use solve::factor::{Factor, SolveError};
+use solve::error::SolveError;
+use solve::factor::Factor;
 use solve::inverse::log_determinant_of_states;
 use solve::{LeastSquares, Step};
 

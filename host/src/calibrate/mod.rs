@@ -30,6 +30,7 @@ mod problem;
 mod reml;
 mod result;
 mod row;
+mod row_plan;
 mod scores;
 mod search;
 mod series;
@@ -40,6 +41,7 @@ mod summary;
 mod tests;
 mod trial;
 mod trimmed;
+mod triple;
 mod wide;
 mod windows;
 
@@ -60,7 +62,7 @@ pub use trimmed::Trimmed;
 
 use crate::recording::Recording;
 use crate::robot::{ChannelKind, Robot};
-use solve::factor::SolveError;
+use solve::error::SolveError;
 
 /// Why recordings cannot be calibrated.
 #[derive(Debug, thiserror::Error)]

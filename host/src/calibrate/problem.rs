@@ -17,11 +17,12 @@ use super::noise::Noise;
 use super::point::{BorderLayout, Point};
 use super::preset::{Assumptions, GyroRows};
 use super::row::{Depends, InitialRow, Row};
+use super::row_plan::{GyroRow, RowPlan};
 use super::series::Series;
 use super::wide::Wide;
 use crate::model::fast::Fast;
 use crate::model::{Linear, Model, SensorFrame, SensorLaws, StepSlopes, Stepper};
-use crate::robot::{ChannelKind, Robot, Side};
+use crate::robot::Robot;
 use solve::{LeastSquares, Shape, Stage, Step};
 
 /// A recording (or several) under a model.
@@ -42,71 +43,6 @@ pub struct Problem<'m> {
     pub(super) sensor_laws: SensorLaws,
     /// The kernel that makes four stages at once, where it covers the model and all readings are taken at the tick.
     pub(super) fast: Option<Fast>,
-}
-
-/// The channels by kind: what makes one or three rows.
-#[derive(Debug, Clone, Default)]
-pub(super) struct RowPlan {
-    /// Channel, state component that it reads, and that component's derivative.
-    pub scalars: Vec<ScalarRow>,
-    pub gyros: Vec<GyroRow>,
-}
-
-/// A channel that reads one state component.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct ScalarRow {
-    pub channel: usize,
-    pub component: usize,
-    pub offset_s: f64,
-    pub weight: f64,
-    /// Joint and side of a position.
-    pub position: Option<(usize, Side)>,
-    /// The reading is that of so many samples later.
-    pub shift: i32,
-}
-
-/// A gyro: three channels.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct GyroRow {
-    /// First of its three channels.
-    pub channel: usize,
-    pub gyro: usize,
-    pub body: usize,
-    pub offset_s: f64,
-    /// Of each axis.
-    pub weight: [f64; 3],
-}
-
-impl RowPlan {
-    /// The paper takes all readings at the tick itself.
-    pub(super) fn of(series: &Series, model: &Model, gyro_rows: GyroRows) -> Self {
-        let layout = model.layout();
-        let mut plan = RowPlan::default();
-        for (channel, spec) in series.channels.iter().enumerate() {
-            let offset_s = if gyro_rows == GyroRows::Chained { 0.0 } else { spec.offset_s };
-            let weight = 1.0 / spec.sigma;
-            let (component, position) = match spec.kind {
-                ChannelKind::MotorPosition { joint } => (layout.theta(joint), Some((joint, Side::Motor))),
-                ChannelKind::LinkPosition { joint } => (layout.q(joint), Some((joint, Side::Link))),
-                ChannelKind::MotorSpeed { joint } => (layout.thetad(joint), None),
-                ChannelKind::LinkSpeed { joint } => (layout.qd(joint), None),
-                ChannelKind::GyroAxis { gyro, body, axis } => {
-                    if axis == 0 {
-                        plan.gyros.push(GyroRow {
-                            channel,
-                            gyro,
-                            body: model.body(body),
-                            offset_s,
-                            weight: [weight; 3],
-                        });
-                    }
-                    continue;
-                }
-            };
-            plan.scalars.push(ScalarRow { channel, component, offset_s, weight, position, shift: 0 });
-        }
-        plan
-    }
 }
 
 /// Intermediate values of one thread.

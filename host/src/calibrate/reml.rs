@@ -19,7 +19,8 @@ use super::problem::Problem;
 use super::windows::Windows;
 use crate::robot::Robot;
 use solve::columns::{self, Entries, ExtraColumns};
-use solve::factor::{Factor, SolveError};
+use solve::error::SolveError;
+use solve::factor::Factor;
 use solve::{LeastSquares, Stage, Step};
 
 /// Samples that are looked at, where the recording is longer.

@@ -51,7 +51,7 @@ impl Bench<'_> {
         let model = Model::extended(self.robot, trial.laws.clone())?;
         let (problem, point, held) = self.at(&model, &trial.known());
         let mut factor = Factor::new(&problem)?;
-        factor.factorise_somehow(&problem, &point, self.settings.threads).map_err(solve::factor::SolveError::from)?;
+        factor.factorise_somehow(&problem, &point, self.settings.threads).map_err(solve::error::SolveError::from)?;
         let (information, gradient) = factor.schur();
         let mut border = Border::new(&information, &gradient, &held);
         // A law of the trial may say in part what the base model does, as a gyro's scale and its rotation.

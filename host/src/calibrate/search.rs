@@ -7,7 +7,7 @@ use super::point::Point;
 use super::prefit::{self, Part};
 use super::problem::Problem;
 use crate::robot::Robot;
-use solve::factor::SolveError;
+use solve::error::SolveError;
 use solve::levenberg::{self, Iteration, Settings, Solution, total_cost};
 
 /// Most searches until what is held agrees with what the estimate says is not determined. One is enough where the start tells it already.

@@ -1,16 +1,13 @@
 //! The rows of four stages at once, by the model's fast kernel. The same rows as the generic walk makes: a test holds one against the other.
 
-use nalgebra::{Matrix3, Vector3};
-
 use super::point::Point;
 use super::preset::GyroRows;
-use super::problem::{GyroRow, Problem};
+use super::problem::Problem;
+use super::row_plan::GyroRow;
+use super::triple::{Triple, Value, apply, by_rotation, by_rows, cross, dot, splat};
 use crate::model::fast::{Fast, GyroQuads, JOINTS, RateSource, Samples, StepQuads, WITH_PAIR, WITH_PAIRS};
-use solve::simd::{self, LANES, Quad, Simd, Work, vectorised};
+use solve::simd::{LANES, Quad, Simd, Work, vectorised};
 use solve::{BATCH, Stage};
-
-type Value<S> = simd::Wide<S>;
-type Triple<S> = [Value<S>; 3];
 
 /// What a batch reads, one quad a value, and room for its step: one a thread.
 #[derive(Debug, Clone, Default)]
@@ -404,47 +401,4 @@ fn finite(values: [f64; LANES], also: [bool; LANES]) -> [bool; LANES] {
         *valid &= value.is_finite();
     }
     valid
-}
-
-#[inline(always)]
-fn by_rows(m: &Matrix3<f64>) -> [[f64; 3]; 3] {
-    [[m.m11, m.m12, m.m13], [m.m21, m.m22, m.m23], [m.m31, m.m32, m.m33]]
-}
-
-#[inline(always)]
-fn splat<S: Simd>(simd: S, v: &Vector3<f64>) -> Triple<S> {
-    [Value::splat(simd, v.x), Value::splat(simd, v.y), Value::splat(simd, v.z)]
-}
-
-#[inline(always)]
-fn dot<S: Simd>(a: &Triple<S>, b: &Triple<S>) -> Value<S> {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-#[inline(always)]
-fn cross<S: Simd>(a: &Triple<S>, b: &Triple<S>) -> Triple<S> {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
-/// m v with a constant m.
-#[inline(always)]
-fn apply<S: Simd>(m: &[[f64; 3]; 3], v: &Triple<S>) -> Triple<S> {
-    let mut out = *v;
-    for (out, row) in out.iter_mut().zip(m) {
-        *out = v[0] * row[0] + v[1] * row[1] + v[2] * row[2];
-    }
-    out
-}
-
-/// The rows of −R skew(ω) = −skew(R ω) R, with `rate` = R ω: the derivative of R ⊞ δ times ω.
-#[inline(always)]
-fn by_rotation<S: Simd>(rate: &Triple<S>, rotation: &[[f64; 3]; 3]) -> [Triple<S>; 3] {
-    let mut out = [*rate; 3];
-    for (axis, out) in out.iter_mut().enumerate() {
-        let (next, after) = ((axis + 1) % 3, (axis + 2) % 3);
-        for j in 0..3 {
-            out[j] = rate[after] * rotation[next][j] - rate[next] * rotation[after][j];
-        }
-    }
-    out
 }

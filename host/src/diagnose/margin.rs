@@ -2,9 +2,10 @@
 //!
 //! What a diagnosis can be asked for depends on nothing else. Studies set the sizes of what they hide by it.
 
+use super::found::{Scanned, Search};
 use super::refit::{Events, Refit, refit};
 use super::scan::Scan;
-use super::search::{Scanned, Search, scan};
+use super::search::scan;
 use super::{DiagnoseError, benches, candidate, fitted_and_unseen};
 use crate::calibrate::{Method, Preset, fit};
 use crate::effect::Effect;

@@ -13,6 +13,7 @@
 mod axes;
 mod bootstrap;
 mod candidate;
+mod found;
 mod gain;
 mod margin;
 mod refit;
@@ -27,11 +28,11 @@ mod worth;
 mod yardstick;
 
 pub use bootstrap::Gain;
+pub use found::LEVEL;
 pub use margin::margin;
 pub use result::{
     Candidate, ChannelGain, Defect, Diagnosis, Finding, NotTestable, Picture, Rival, Unexplained, Verdict,
 };
-pub use search::LEVEL;
 pub use yardstick::yardstick;
 
 use std::cell::OnceCell;

@@ -4,8 +4,8 @@
 //! found ─▶ with the new cause ─▶ drop: what the others explain as well ─▶ swap: for a rival that is worth more beside the others
 //! ```
 
+use super::found::{Accepted, DROP_ITERATIONS, FINAL_ITERATIONS, LEVEL, Named, Rival, Scanned, Search, laws};
 use super::refit::are_alike;
-use super::search::{Accepted, DROP_ITERATIONS, FINAL_ITERATIONS, LEVEL, Named, Rival, Scanned, Search, laws};
 use super::significance::p_of_score;
 use super::worth::Scale;
 use crate::calibrate::{Bench, CalibrateError, Trial};

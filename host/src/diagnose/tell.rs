@@ -1,10 +1,10 @@
 //! What a search found as users read it: findings, verdict, places of what is left, pictures of the defect, one sentence.
 
 use super::axes::{axes, is_of};
+use super::found::{CurveFit, LEVEL, Search};
 use super::result::{
     Candidate, ChannelGain, Defect, Diagnosis, Finding, NotTestable, Picture, Rival, Unexplained, Verdict,
 };
-use super::search::{CurveFit, LEVEL, Search};
 use super::shapeless::Knots;
 use crate::calibrate::{Bench, CalibrateError, Fit, Trial};
 use crate::effect::Effect;

@@ -1,6 +1,6 @@
 //! What a law has to explain, besides standing out of the noise, to be named.
 
-use super::search::{Accepted, Scanned};
+use super::found::{Accepted, Scanned};
 use crate::calibrate::Trial;
 
 /// Of what accepted causes explain, the share that another law on the same equation has to add to be one more cause.

@@ -13,6 +13,7 @@
 mod capture;
 mod device;
 mod error;
+mod exchange;
 mod heartbeat;
 mod inbox;
 mod ledger;

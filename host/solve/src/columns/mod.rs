@@ -21,7 +21,8 @@ use nalgebra::{DMatrix, DVector};
 use super::border::Border;
 use super::factor::Factor;
 use super::kernel::groups;
-use super::problem::{Columns, Panel, Stage};
+use super::shape::Columns;
+use super::stage::{Panel, Stage};
 use super::{LeastSquares, RowAt};
 use crate::simd::{LANES, Quad};
 
