@@ -26,14 +26,14 @@ const CORE: [&str; 16] = [
     "input_delay",
     "gyro_lag",
 ];
-const DRAWN: usize = 7;
+const DRAWN: usize = 11;
 const SEED: u64 = 20;
 /// Small is just worth knowing; two levels below it the recording still tells it from its rivals by far.
 const SIZES: [&str; 2] = ["small", "@-2"];
 /// Filters that are faster than the plant's step can follow are none.
 const NOT_TINY: [&str; 1] = ["gyro_lag"];
 
-/// Seven effects at two sizes, and a robot without any.
+/// Eleven effects at two sizes, and a robot without any.
 fn drawn() -> Vec<Case> {
     let mut effects = CORE;
     effects.shuffle(&mut ChaCha8Rng::seed_from_u64(SEED));
