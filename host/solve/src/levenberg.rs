@@ -22,6 +22,15 @@ const HEAVY_DAMPING: f64 = 1e-2;
 /// some of both.
 const WHOLE_STEP_GAIN: std::ops::RangeInclusive<f64> = 0.6..=1.4;
 
+/// Share of a step's promise from which on it is the states' alone.
+const STATES_OWN: f64 = 0.9;
+
+/// Where states stand at a bend of the model, steps have to be damped or shortened, and creep. So many of them in a row that change less
+/// than [`CREEPING`] times what is asked, and promise less than ten times that, are enough.
+const MOST_CREEPING_STEPS: usize = 4;
+/// See there.
+const CREEPING: f64 = 10.0;
+
 /// A change of the cost with which it still falls.
 const FALLING: f64 = 0.02;
 
@@ -132,6 +141,29 @@ impl<P> Solution<P> {
     }
 }
 
+/// A step that was taken.
+struct Accepted {
+    /// After it.
+    cost: f64,
+    /// Of the border.
+    damping: f64,
+    /// Whether nothing but the whole of it was tried.
+    whole: bool,
+    /// What it gained of what it promised.
+    ratio: f64,
+}
+
+impl Accepted {
+    /// By what the damping of the states changes: it is needed as long as steps under it do not keep their promise.
+    fn less_state_damping(&self) -> f64 {
+        match (self.whole, self.ratio) {
+            (false, _) => 10.0,
+            (true, 0.5..) => 0.1,
+            (true, _) => 1.0,
+        }
+    }
+}
+
 /// Sum of ½ Σ r² over all stages; partial sums over fixed runs of stages make it independent of the number of threads.
 pub fn total_cost<P: LeastSquares>(problem: &P, point: &P::Point, threads: usize) -> f64 {
     const RUN: usize = 2048;
@@ -176,6 +208,7 @@ pub fn minimise<P: LeastSquares>(
     let mut factor_is_final = false;
 
     let mut still_falls = false;
+    let mut creeping_steps = 0;
 
     while iterations.len() < settings.max_iterations || (still_falls && iterations.len() < settings.most_while_falling)
     {
@@ -250,17 +283,18 @@ pub fn minimise<P: LeastSquares>(
                         problem.retract(&point, &step, &mut trial);
                     }
                 }
-                accepted = Some((trial_cost, used, whole));
+                accepted = Some(Accepted { cost: trial_cost, damping: used, whole, ratio });
                 break;
             }
-            if nothing_left {
+            // No damping of the border shortens a step that is the states' own.
+            if nothing_left || states_promise > STATES_OWN * promised {
                 break;
             }
             damping = (damping * 10.0).max(1e-9);
         }
         seconds.solve += clock.elapsed().as_secs_f64();
         factor_is_final = state_damping == 0.0;
-        let Some((trial_cost, used, whole)) = accepted else {
+        let Some(accepted) = accepted else {
             if nothing_left {
                 status = Status::Converged;
                 break;
@@ -278,21 +312,33 @@ pub fn minimise<P: LeastSquares>(
             };
             break;
         };
-        let change = (cost - trial_cost) / trial_cost.max(f64::MIN_POSITIVE);
+        let change = (cost - accepted.cost) / accepted.cost.max(f64::MIN_POSITIVE);
         still_falls = change > FALLING;
         std::mem::swap(&mut point, &mut trial);
-        cost = trial_cost;
-        let iteration = Iteration { cost, damping: used, trials };
+        cost = accepted.cost;
+        let iteration = Iteration { cost, damping: accepted.damping, trials };
         progress(iterations.len() + 1, &iteration);
         iterations.push(iteration);
         // A heavily damped step and a part of one change little anywhere: they say nothing of the minimum.
-        let little_changed = change < settings.relative_cost_change && whole && used <= HEAVY_DAMPING;
+        let little_changed =
+            change < settings.relative_cost_change && accepted.whole && accepted.damping <= HEAVY_DAMPING;
         if (nothing_left || little_changed) && state_damping <= 1e-9 {
             status = Status::Converged;
             break;
         }
         factor_is_final = false;
-        state_damping = if state_damping > 1e-9 { state_damping * 0.01 } else { 0.0 };
+        let creeping = CREEPING * settings.relative_cost_change;
+        let is_held_back = !accepted.whole || state_damping > 0.0;
+        let creeps = is_held_back && change < creeping && undamped_promise < 10.0 * creeping * cost;
+        creeping_steps = if creeps { creeping_steps + 1 } else { 0 };
+        if creeping_steps == MOST_CREEPING_STEPS {
+            status = Status::Almost;
+            break;
+        }
+        state_damping *= accepted.less_state_damping();
+        if state_damping <= 1e-9 {
+            state_damping = 0.0;
+        }
     }
 
     if !factor_is_final {
