@@ -1,8 +1,9 @@
 //! Levenberg–Marquardt on a chain: the states are eliminated, the damping acts on the shared unknowns.
 //!
 //! Of a rejected step a part is tried first, which costs no more than residuals; then more damping, a solve of the small border and a
-//! back-substitution, no new factorisation. Only where the states themselves lead astray (several rejections, or a stage that its
-//! residuals do not determine) are their diagonals damped too.
+//! back-substitution, no new factorisation. Only where the states themselves lead astray (several rejections, near the end one of
+//! a step whose promise they make; or a stage that its residuals do not determine) are their diagonals damped too, near the end as much as
+//! it takes for steps to keep their promise.
 
 use std::time::Instant;
 
@@ -69,7 +70,8 @@ impl Default for Settings {
 pub enum Status {
     /// The last accepted step changed the cost by less than asked.
     Converged,
-    /// No step reduces the cost any further, and what the quadratic model still promises is below a thousand times the tolerance.
+    /// No step reduces the cost any further, or steps creep, and what the quadratic model still promises is below a thousand times the
+    /// tolerance.
     Almost,
     /// No step reduces the cost, though the quadratic model promises that one should.
     NoProgress,
@@ -154,7 +156,7 @@ struct Accepted {
 }
 
 impl Accepted {
-    /// By what the damping of the states changes: it is needed as long as steps under it do not keep their promise.
+    /// By what the damping of the states changes near the end: it is needed as long as steps under it do not keep their promise.
     fn less_state_damping(&self) -> f64 {
         match (self.whole, self.ratio) {
             (false, _) => 10.0,
@@ -287,7 +289,8 @@ pub fn minimise<P: LeastSquares>(
                 break;
             }
             // No damping of the border shortens a step that is the states' own.
-            if nothing_left || states_promise > STATES_OWN * promised {
+            let is_near = promised < FALLING * cost;
+            if nothing_left || (is_near && states_promise > STATES_OWN * promised) {
                 break;
             }
             damping = (damping * 10.0).max(1e-9);
@@ -335,7 +338,7 @@ pub fn minimise<P: LeastSquares>(
             status = Status::Almost;
             break;
         }
-        state_damping *= accepted.less_state_damping();
+        state_damping *= if still_falls { 0.01 } else { accepted.less_state_damping() };
         if state_damping <= 1e-9 {
             state_damping = 0.0;
         }
