@@ -92,6 +92,16 @@ impl Factor {
         self.linearise.as_secs_f64()
     }
 
+    pub(super) fn kept_mut(&mut self) -> &mut Store {
+        &mut self.kept
+    }
+
+    /// Takes in the gradient of other residuals; the matrix stays.
+    pub(super) fn take_gradient(&mut self, renewed: Reduced, linearise: Duration) {
+        self.border = Reduced { values: std::mem::take(&mut self.border.values), ..renewed };
+        self.linearise = linearise;
+    }
+
     /// Where columns stand.
     pub(super) fn columns(&self) -> Columns {
         self.columns

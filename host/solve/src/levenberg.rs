@@ -32,6 +32,12 @@ const MOST_CREEPING_STEPS: usize = 4;
 /// See there.
 const CREEPING: f64 = 10.0;
 
+/// What a step may promise for its factor to serve the next one too: less than that, and all unknowns together move by less than one standard
+/// deviation.
+const NEAR: f64 = 0.5;
+/// So much less than the one before it has a step by an old factor to promise, for the next one to go by that factor as well.
+const SHRINKS: f64 = 0.3;
+
 /// A change of the cost with which it still falls.
 const FALLING: f64 = 0.02;
 
@@ -125,7 +131,7 @@ pub struct Solution<P> {
     /// Where the time went.
     pub seconds: Seconds,
     /// The information matrix of the shared unknowns, row-major m × m, as [`Factor::schur`] gives it: without damping, at the final point
-    /// (or before a last step that changed the cost by less than the tolerance).
+    /// (or so near before it that all unknowns together moved by less than one standard deviation since).
     pub information: Vec<f64>,
     /// The gradient that goes with it, m.
     pub gradient: Vec<f64>,
@@ -149,6 +155,8 @@ struct Accepted {
     cost: f64,
     /// Of the border.
     damping: f64,
+    /// Whether it was whole, and gained about what it promised.
+    as_promised: bool,
     /// Whether nothing but the whole of it was tried.
     whole: bool,
     /// What it gained of what it promised.
@@ -211,11 +219,20 @@ pub fn minimise<P: LeastSquares>(
 
     let mut still_falls = false;
     let mut creeping_steps = 0;
+    // What the last step promised, if its factor serves the next one too.
+    let mut near: Option<f64> = None;
 
     while iterations.len() < settings.max_iterations || (still_falls && iterations.len() < settings.most_while_falling)
     {
         let clock = Instant::now();
-        let factored = factor.factorise(problem, &point, state_damping, settings.threads);
+        let promised_before = near.take();
+        let is_old = promised_before.is_some();
+        let factored = if is_old {
+            factor.renew(problem, &point, settings.threads);
+            Ok(())
+        } else {
+            factor.factorise(problem, &point, state_damping, settings.threads)
+        };
         seconds.add(&clock, &factor);
         if let Err(singular) = factored {
             state_damping = if state_damping == 0.0 { 1e-12 } else { state_damping * 100.0 };
@@ -285,7 +302,8 @@ pub fn minimise<P: LeastSquares>(
                         problem.retract(&point, &step, &mut trial);
                     }
                 }
-                accepted = Some(Accepted { cost: trial_cost, damping: used, whole, ratio });
+                let as_promised = whole && WHOLE_STEP_GAIN.contains(&ratio);
+                accepted = Some(Accepted { cost: trial_cost, damping: used, as_promised, whole, ratio });
                 break;
             }
             // No damping of the border shortens a step that is the states' own.
@@ -301,6 +319,11 @@ pub fn minimise<P: LeastSquares>(
             if nothing_left {
                 status = Status::Converged;
                 break;
+            }
+            if is_old {
+                // The old factor leads nowhere: a new one.
+                damping = settings.initial_damping;
+                continue;
             }
             if state_damping < 1.0 {
                 // The states are the ones that lead astray.
@@ -330,6 +353,10 @@ pub fn minimise<P: LeastSquares>(
             break;
         }
         factor_is_final = false;
+        let shrinks = promised_before.is_none_or(|before| undamped_promise < SHRINKS * before);
+        if state_damping == 0.0 && accepted.as_promised && undamped_promise < NEAR && shrinks {
+            near = Some(undamped_promise);
+        }
         let creeping = CREEPING * settings.relative_cost_change;
         let is_held_back = !accepted.whole || state_damping > 0.0;
         let creeps = is_held_back && change < creeping && undamped_promise < 10.0 * creeping * cost;

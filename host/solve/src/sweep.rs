@@ -129,14 +129,14 @@ impl Sweep {
             let at = i - states + panel.border.start;
             kernel::strip::<S, false>(simd, rows, i, i..groups, &mut sums, (at, at));
         }
-        Self::add_residuals(simd, panel, block, border);
+        Self::add_residuals(simd, panel, &mut block.right, border);
     }
 
-    /// Adds `Σ rowᵀ r` of a panel.
+    /// Adds `Σ rowᵀ r` of a panel to a stage's gradient and to the border's.
     #[inline(always)]
-    fn add_residuals<S: Simd>(simd: S, panel: &Panel, block: &mut Block, border: &mut Reduced) {
+    pub(super) fn add_residuals<S: Simd>(simd: S, panel: &Panel, right: &mut [f64], border: &mut Reduced) {
         let residuals = &panel.residuals[..panel.rows];
-        let (right, gradient) = (block.right.as_chunks_mut().0, border.gradient.as_chunks_mut().0);
+        let (right, gradient) = (right.as_chunks_mut().0, border.gradient.as_chunks_mut().0);
         let to = right[..panel.stage_groups].iter_mut().chain(&mut gradient[panel.border.clone()]);
         for (group, to) in panel.values.chunks_exact(panel.capacity).zip(to) {
             kernel::add_weighted::<S, false>(simd, &group[..panel.rows], residuals, to);
@@ -206,7 +206,7 @@ impl Sweep {
             kernel::strip::<S, false>(simd, rows, i, i..all, &mut sums, (i - own, i - own));
         }
         let (states, shared) = panel.values.split_at(own * n);
-        Self::add_residuals(simd, panel, source, border);
+        Self::add_residuals(simd, panel, &mut source.right, border);
         // The successor: w² on the diagonal, −w times the whitened rest of its rows.
         for i in 0..n {
             let w = stage.weight[i / LANES].0[i % LANES];
@@ -333,7 +333,7 @@ pub(super) fn finish(sweep: &mut Sweep, kept: StoreMut<'_>) -> Result<(), Pivot>
 
 /// Which way a sweep goes through its batch.
 #[derive(Debug, Clone, Copy)]
-enum Direction {
+pub(super) enum Direction {
     /// In order, each stage into its successor.
     Right,
     /// From the last of `count` stages on: each takes in its successor, then its own rows.
