@@ -158,6 +158,35 @@ proptest! {
     }
 
     #[test]
+    fn an_old_factor_takes_in_the_residuals_of_another_point(spec in spec(), threads in 1usize..=2) {
+        let problem = Random::of(&spec);
+        let mut dense = Dense::of(&problem);
+        prop_assume!(dense.condition < WORST_CONDITION);
+        // The matrix of a linear problem is the same everywhere: under it the step from elsewhere is exact as well.
+        let mut factor = factorised(&problem, threads);
+        let (information, _) = factor.schur();
+        let mut elsewhere = zero(&problem);
+        let unknowns = elsewhere.states.iter_mut().chain(&mut elsewhere.border).zip(dense.scale.iter());
+        unknowns.enumerate().for_each(|(i, (x, d))| *x = (i as f64).sin() / d);
+        let x: Vec<f64> = elsewhere.states.iter().chain(&elsewhere.border).copied().collect();
+        dense.residual += &dense.jacobian * DVector::from_vec(x);
+        factor.renew(&problem, &elsewhere, threads);
+
+        let (same, gradient) = factor.schur();
+        prop_assert_eq!(&same, &information, "bit for bit");
+        let (beta, _) = Border::new(&information, &gradient, &[]).step(0.0).unwrap();
+        let step = stepped(&factor, &beta, threads);
+        let (left, size) = dense.left_over(&step);
+        prop_assert!(left <= ROUNDING * size, "H δ + g = {left:e} of {size:e}");
+
+        let mut new = Factor::new(&problem).unwrap();
+        new.factorise(&problem, &elsewhere, 0.0, threads).unwrap();
+        let (squares, expected) = (factor.eliminated_square_sum(), new.eliminated_square_sum());
+        let size = dense.residual.norm_squared();
+        prop_assert!((squares - expected).abs() <= ROUNDING * size, "{squares:e} against {expected:e} of {size:e}");
+    }
+
+    #[test]
     fn a_direction_that_no_row_sees_is_held_and_the_rest_is_solved(spec in spec(), threads in 1usize..=2) {
         prop_assume!(spec.m >= 3 && spec.units == 0.0);
         let problem = Random::of(&Spec { dependent: true, ..spec.clone() });
