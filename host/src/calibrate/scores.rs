@@ -16,6 +16,7 @@ use nalgebra::{DMatrix, DVector};
 use super::bench::Bench;
 use super::point::Point;
 use super::problem::{Problem, Scratch};
+use super::start::Lagging;
 use super::trial::Trial;
 use super::{CalibrateError, extension, start};
 use crate::model::law::Law;
@@ -167,14 +168,19 @@ fn places(base: &Layout, extended: &Layout) -> Vec<usize> {
     places
 }
 
-/// Gives `point` the states of the trial, and those that the law adds as they answer to them; runs begin where `point` says.
+/// Gives `point` the states of the trial, and those that the law adds as they answer to them; runs begin where `point` says. But gyros that lag begin
+/// with the trial's rates: `point` has them from readings, whose noise would be in the column and in the residuals that it is held against.
 fn carry(problem: &Problem<'_>, (trial, places, added): (&Point<'_>, &[usize], &[usize]), point: &mut Point<'_>) {
     let size = problem.model.layout().size();
     let mut scratch = problem.scratch();
+    let lagging = Lagging::of(problem.model, problem.series).among(added);
     let stages = problem.series.stages();
     for k in 0..stages {
         for (value, place) in trial.state(k).iter().zip(places) {
             point.states[k * size + place] = *value;
+        }
+        if problem.series.starts_run(k) {
+            lagging.begin(problem.model, &mut point.states[k * size..(k + 1) * size]);
         }
         if !added.is_empty() && k + 1 < stages && problem.linked(k) {
             let next = problem.next(point, k, &mut scratch);
