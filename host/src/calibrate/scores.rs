@@ -353,3 +353,37 @@ impl AllColumns<'_, '_> {
         });
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::calibrate::{Preset, fit};
+    use crate::effect::Effect;
+    use crate::robot::Robot;
+    use crate::simulate::{Direct, Options, SHORT_MOTION};
+    use solve::levenberg::Settings;
+
+    #[test]
+    fn a_lagging_gyro_begins_every_run_with_the_rate_of_the_trial_not_with_a_reading() {
+        let robot = Robot::builtin("doggy").unwrap();
+        let whole =
+            Direct::record(&Options { seed: 3, ..Options::new(robot.clone()) }, SHORT_MOTION).unwrap().recording;
+        let recording = whole.part(0..8_000.min(whole.len()));
+        let fitted = fit(&robot, &[&recording], Preset::Default, &Settings::default(), |_, _| {}).unwrap();
+        let part = fitted.series.excerpt(2_000, 4).unwrap();
+        let (bench, trial) = Bench::new(&robot, part, &fitted, fitted.noise.clone(), Settings::default()).unwrap();
+        let law = Effect::by_id("gyro_lag").unwrap().laws(&robot).unwrap().swap_remove(0);
+        let (base, extended) = (Model::new(&robot), Model::extended(&robot, vec![law]).unwrap());
+        let (_, point, _) = bench.at(&base, &trial.known());
+        let asked = Asked::of(&bench, &base, &point, &extended, &trial);
+        let first = extended.lagging(0).unwrap();
+        let runs: Vec<usize> = (0..bench.series().stages()).filter(|k| bench.series().starts_run(*k)).collect();
+        assert!(runs.len() > 2, "{runs:?}");
+        for k in runs {
+            // The first gyro sits on the body that turns about z with the first joint.
+            let rate = point.state(k)[base.layout().qd(0)];
+            let begins = &asked.at_start.state(k)[first..first + 3];
+            assert_eq!(begins, [0.0, 0.0, rate], "run from {k}");
+        }
+    }
+}
