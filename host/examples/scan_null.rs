@@ -1,7 +1,7 @@
 //! Are the p-values of the diagnosis' scan what they say? Robots with nothing hidden, every law of the catalogue from every start.
 //!
 //! ```sh
-//! cargo run --release -p host --example scan_null -- 30      # thirty robots: the table of the README
+//! cargo run --release -p host --example scan_null -- 60      # sixty robots: the table of the README
 //! ```
 
 use std::sync::Arc;
@@ -25,7 +25,7 @@ const WINDOWS: usize = 8;
 const LEVELS: [f64; 5] = [0.01, 0.05, 0.1, 0.5, 0.9];
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let robots: u64 = std::env::args().nth(1).map_or(Ok(30), |text| text.parse())?;
+    let robots: u64 = std::env::args().nth(1).map_or(Ok(60), |text| text.parse())?;
     let robot = Robot::builtin("doggy")?;
     let laws: Vec<Arc<dyn Law>> = CATALOGUE.iter().filter_map(|effect| effect.laws(&robot).ok()).flatten().collect();
     let (mut all, mut families) = (Vec::new(), Vec::new());

@@ -16,6 +16,7 @@ use nalgebra::{DMatrix, DVector};
 use super::bench::Bench;
 use super::point::Point;
 use super::problem::{Problem, Scratch};
+use super::start::Lagging;
 use super::trial::Trial;
 use super::{CalibrateError, extension, start};
 use crate::model::law::Law;
@@ -167,14 +168,19 @@ fn places(base: &Layout, extended: &Layout) -> Vec<usize> {
     places
 }
 
-/// Gives `point` the states of the trial, and those that the law adds as they answer to them; runs begin where `point` says.
+/// Gives `point` the states of the trial, and those that the law adds as they answer to them; runs begin where `point` says. But gyros that lag begin
+/// with the trial's rates: `point` has them from readings, whose noise would be in the column and in the residuals that it is held against.
 fn carry(problem: &Problem<'_>, (trial, places, added): (&Point<'_>, &[usize], &[usize]), point: &mut Point<'_>) {
     let size = problem.model.layout().size();
     let mut scratch = problem.scratch();
+    let lagging = Lagging::of(problem.model, problem.series).among(added);
     let stages = problem.series.stages();
     for k in 0..stages {
         for (value, place) in trial.state(k).iter().zip(places) {
             point.states[k * size + place] = *value;
+        }
+        if problem.series.starts_run(k) {
+            lagging.begin(problem.model, &mut point.states[k * size..(k + 1) * size]);
         }
         if !added.is_empty() && k + 1 < stages && problem.linked(k) {
             let next = problem.next(point, k, &mut scratch);
@@ -345,5 +351,39 @@ impl AllColumns<'_, '_> {
                 });
             }
         });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::calibrate::{Preset, fit};
+    use crate::effect::Effect;
+    use crate::robot::Robot;
+    use crate::simulate::{Direct, Options, SHORT_MOTION};
+    use solve::levenberg::Settings;
+
+    #[test]
+    fn a_lagging_gyro_begins_every_run_with_the_rate_of_the_trial_not_with_a_reading() {
+        let robot = Robot::builtin("doggy").unwrap();
+        let whole =
+            Direct::record(&Options { seed: 3, ..Options::new(robot.clone()) }, SHORT_MOTION).unwrap().recording;
+        let recording = whole.part(0..8_000.min(whole.len()));
+        let fitted = fit(&robot, &[&recording], Preset::Default, &Settings::default(), |_, _| {}).unwrap();
+        let part = fitted.series.excerpt(2_000, 4).unwrap();
+        let (bench, trial) = Bench::new(&robot, part, &fitted, fitted.noise.clone(), Settings::default()).unwrap();
+        let law = Effect::by_id("gyro_lag").unwrap().laws(&robot).unwrap().swap_remove(0);
+        let (base, extended) = (Model::new(&robot), Model::extended(&robot, vec![law]).unwrap());
+        let (_, point, _) = bench.at(&base, &trial.known());
+        let asked = Asked::of(&bench, &base, &point, &extended, &trial);
+        let first = extended.lagging(0).unwrap();
+        let runs: Vec<usize> = (0..bench.series().stages()).filter(|k| bench.series().starts_run(*k)).collect();
+        assert!(runs.len() > 2, "{runs:?}");
+        for k in runs {
+            // The first gyro sits on the body that turns about z with the first joint.
+            let rate = point.state(k)[base.layout().qd(0)];
+            let begins = &asked.at_start.state(k)[first..first + 3];
+            assert_eq!(begins, [0.0, 0.0, rate], "run from {k}");
+        }
     }
 }

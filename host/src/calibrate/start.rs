@@ -112,14 +112,7 @@ fn fill_run(model: &Model, series: &Series, run: std::ops::Range<usize>, point: 
         ChannelKind::LinkPosition { joint } => Some(joint),
         _ => None,
     });
-    let lagging: Vec<(usize, usize)> = series
-        .channels
-        .iter()
-        .filter_map(|channel| match channel.kind {
-            ChannelKind::GyroAxis { gyro, body, axis: 0 } => Some((model.lagging(gyro)?, model.body(body))),
-            _ => None,
-        })
-        .collect();
+    let lagging = Lagging::of(model, series);
     let zeros = || vec![0.0; run.len()];
     let columns = |channels: &[Option<usize>], other: &[Option<usize>]| -> Vec<Vec<f64>> {
         (0..n).map(|j| channels[j].or(other[j]).map_or_else(zeros, |c| column(series, run.clone(), c))).collect()
@@ -170,13 +163,41 @@ fn fill_run(model: &Model, series: &Series, run: std::ops::Range<usize>, point: 
             state[m + joint] = qd[*joint];
             *tilt += step_s * (qd[*joint] - *tilt / LEAK_S);
         }
-        if !lagging.is_empty() {
-            let mut rates = [[0.0; 3]; MAX_JOINTS];
-            model.chain().body_rates(&state[..m], &state[m..2 * m], &mut rates[..m]);
-            for (first, body) in &lagging {
-                // A gyro that lags by a few samples is near where its body is.
-                state[*first..first + 3].copy_from_slice(&rates[*body]);
-            }
+        lagging.begin(model, state);
+    }
+}
+
+/// The gyros of a model that lag behind their bodies.
+pub(super) struct Lagging {
+    /// First of a gyro's three own states, and the link that carries it.
+    gyros: Vec<(usize, usize)>,
+}
+
+impl Lagging {
+    pub(super) fn of(model: &Model, series: &Series) -> Self {
+        let lagging = series.channels.iter().filter_map(|channel| match channel.kind {
+            ChannelKind::GyroAxis { gyro, body, axis: 0 } => Some((model.lagging(gyro)?, model.body(body))),
+            _ => None,
+        });
+        Lagging { gyros: lagging.collect() }
+    }
+
+    /// Those whose states are among these components.
+    pub(super) fn among(mut self, components: &[usize]) -> Self {
+        self.gyros.retain(|(first, _)| components.contains(first));
+        self
+    }
+
+    /// Gives their states in `state` the rates of their bodies there: a gyro that lags by a few samples is near where its body is.
+    pub(super) fn begin(&self, model: &Model, state: &mut [f64]) {
+        if self.gyros.is_empty() {
+            return;
+        }
+        let m = model.layout().chain();
+        let mut rates = [[0.0; 3]; MAX_JOINTS];
+        model.chain().body_rates(&state[..m], &state[m..2 * m], &mut rates[..m]);
+        for (first, body) in &self.gyros {
+            state[*first..first + 3].copy_from_slice(&rates[*body]);
         }
     }
 }
