@@ -140,7 +140,8 @@ impl<'a> Trim<'a> {
             let least = of_moving.get((LEAST * of_moving.len() as f64) as usize).copied().unwrap_or(0.0);
             let before = std::mem::replace(&mut keep, costs.iter().map(|cost| *cost <= least.max(EXPLAINED)).collect());
             tracing::debug!(round, least, explained, of = of_moving.len(), "trimmed");
-            if keep == before {
+            // A fit of the better pieces that still explains none of them: what is missing is no event.
+            if keep == before || (round > 0 && explained == 0) {
                 break;
             }
         }

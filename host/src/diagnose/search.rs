@@ -53,7 +53,8 @@ pub fn search(
     let mut found = Search::at(base);
     let mut on_few = few_base.clone();
     let usual: Vec<Candidate> = candidates.iter().map(|candidate| candidate.first(USUAL_ALTERNATIVES)).collect();
-    // Where the search stood when it accepted a cause that no robot can have unless another one is found beside it.
+    // Where the search stood when it accepted a cause that no robot can have, or that does not hold its own against a curve, unless another
+    // one is found beside it.
     let mut before_doubt: Option<Search> = None;
     loop {
         step("scanning the catalogue");
@@ -128,16 +129,20 @@ pub fn search(
             Some(best) if holds => {
                 let from = best.on_few.clone();
                 let (before, refused) = (found.clone(), best.clone());
+                let leans = !enough(best.score);
                 accept(bench, &mut found, best, &refitted)?;
-                if found.trial.is_possible() {
+                let is_possible = found.trial.is_possible();
+                if !is_possible {
+                    found.trial = bench.fit_within(&found.trial, FINAL_ITERATIONS)?;
+                }
+                if is_possible && !leans {
                     before_doubt = None;
                 } else {
-                    found.trial = bench.fit_within(&found.trial, FINAL_ITERATIONS)?;
                     before_doubt = before_doubt.or(Some(Search { refused: Some(refused), left: curves, ..before }));
                 }
                 let from = from.as_ref().unwrap_or(&found.trial);
                 on_few = few.fit(&found.laws(), from, FINAL_ITERATIONS)?;
-                if before_doubt.is_some() && !on_few.is_possible() {
+                if !is_possible && !on_few.is_possible() {
                     on_few = few.fit_within(&on_few, FINAL_ITERATIONS)?;
                 }
             }

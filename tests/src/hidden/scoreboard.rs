@@ -55,6 +55,8 @@ impl Scoreboard {
         let placed = |o: &Outcome| o.verdict == Verdict::Unknown && o.is_right_place;
         board.row("the same: unknown, on the right equation and joint", &outsiders, placed);
         board.row("the same: another name given", &outsiders, |o| o.verdict == Verdict::Named);
+        let strange = |o: &Outcome| o.verdict == Verdict::Named && !in_class(o);
+        board.row("the same: another name given, and none of its class", &outsiders, strange);
         let wrong = |o: &&Outcome| if o.case.is_outsider { !o.named.is_empty() } else { o.named != o.case.effects };
         board.misses = outcomes.iter().filter(wrong).map(miss).collect();
         board.misses.sort();
