@@ -52,13 +52,16 @@ impl Trial {
     }
 
     /// Whether every law's parameters are such as a robot can have: within their ranges, but for three standard errors and a twentieth of the
-    /// largest of their kind, which what the law leaves of a joint may make.
+    /// largest of their kind, which what the law leaves of a joint may make. Standard errors are those of residuals that wander as these do: scores
+    /// are too large by the inflation, and so is the square of how many errors a parameter lies beyond its range.
     pub fn is_possible(&self) -> bool {
         self.beyond().is_empty()
     }
 
     pub(super) fn beyond(&self) -> Vec<Beyond> {
-        let values = self.values.iter().map(|value| (value.name.as_str(), value.estimate, value.std_error));
+        let wider = self.inflation.sqrt();
+        let error = |value: &TrialValue| value.std_error.map(|error| wider * error);
+        let values = self.values.iter().map(|value| (value.name.as_str(), value.estimate, error(value)));
         possible::beyond(&self.laws, values)
     }
 
@@ -129,4 +132,39 @@ pub(super) fn values(
             TrialValue { name: name.to_string(), unit, estimate, std_error, vif }
         })
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effect::Effect;
+    use crate::model::Model;
+    use crate::robot::Robot;
+
+    #[test]
+    fn what_lies_beyond_its_range_is_judged_by_errors_of_residuals_that_wander() {
+        let robot = Robot::builtin("doggy").unwrap();
+        let law = Effect::by_id("quadratic_drag").unwrap().laws(&robot).unwrap().swap_remove(0);
+        // Drag beside a stiction whose size is not right: less than nothing on one joint, by 3.4 of the errors of white residuals.
+        let value = |name: &str, estimate: f64| TrialValue {
+            name: name.into(),
+            unit: "N m s²/rad²",
+            estimate,
+            std_error: Some(0.0035),
+            vif: 1.0,
+        };
+        let trial = |inflation: f64| Trial {
+            laws: vec![law.clone()],
+            cost: 1.0,
+            inflation,
+            values: vec![value("quadratic_drag.c[1]", 0.19), value("quadratic_drag.c[3]", -0.0120)],
+            rotations: Vec::new(),
+            biases: Vec::new(),
+            states: Vec::new(),
+            layout: Model::new(&robot).layout().clone(),
+        };
+        assert!(!trial(1.0).is_possible());
+        // √2 · 3 · 0.0035 = 0.0148.
+        assert!(trial(2.0).is_possible());
+    }
 }
