@@ -45,6 +45,9 @@ pub struct Trial {
     pub(super) layout: Layout,
 }
 
+/// Most that standard errors grow by where a value is held against its range.
+const WIDEST: f64 = 3.0;
+
 impl Trial {
     /// The value of this name.
     pub fn value(&self, name: &str) -> Option<&TrialValue> {
@@ -53,13 +56,14 @@ impl Trial {
 
     /// Whether every law's parameters are such as a robot can have: within their ranges, but for three standard errors and a twentieth of the
     /// largest of their kind, which what the law leaves of a joint may make. Standard errors are those of residuals that wander as these do: scores
-    /// are too large by the inflation, and so is the square of how many errors a parameter lies beyond its range.
+    /// are too large by the inflation, and so is the square of how many errors a parameter lies beyond its range; by more than [`WIDEST`] they do not
+    /// wander, they hold another cause, and no error speaks for that.
     pub fn is_possible(&self) -> bool {
         self.beyond().is_empty()
     }
 
     pub(super) fn beyond(&self) -> Vec<Beyond> {
-        let wider = self.inflation.sqrt();
+        let wider = self.inflation.sqrt().min(WIDEST);
         let error = |value: &TrialValue| value.std_error.map(|error| wider * error);
         let values = self.values.iter().map(|value| (value.name.as_str(), value.estimate, error(value)));
         possible::beyond(&self.laws, values)
