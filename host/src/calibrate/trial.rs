@@ -56,8 +56,8 @@ impl Trial {
 
     /// Whether every law's parameters are such as a robot can have: within their ranges, but for three standard errors and a twentieth of the
     /// largest of their kind, which what the law leaves of a joint may make. Standard errors are those of residuals that wander as these do: scores
-    /// are too large by the inflation, and so is the square of how many errors a parameter lies beyond its range; by more than [`WIDEST`] they do not
-    /// wander, they hold another cause, and no error speaks for that.
+    /// are too large by the inflation, and so is the square of how many errors a parameter lies beyond its range. Beyond threefold errors residuals
+    /// do not wander, they hold another cause, and no error speaks for that.
     pub fn is_possible(&self) -> bool {
         self.beyond().is_empty()
     }
