@@ -10,7 +10,7 @@ use std::time::Instant;
 use host::calibrate::{Bench, Preset, fit};
 use host::diagnose::scan::Scan;
 use host::diagnose::yardstick;
-use host::effect::CATALOGUE;
+use host::effect::{CATALOGUE, Effect};
 use host::model::law::Law;
 use host::robot::Robot;
 use host::simulate::{Direct, Options, SHORT_MOTION};
@@ -27,7 +27,11 @@ const LEVELS: [f64; 5] = [0.01, 0.05, 0.1, 0.5, 0.9];
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let robots: u64 = std::env::args().nth(1).map_or(Ok(60), |text| text.parse())?;
     let robot = Robot::builtin("doggy")?;
-    let laws: Vec<Arc<dyn Law>> = CATALOGUE.iter().filter_map(|effect| effect.laws(&robot).ok()).flatten().collect();
+    let of_effect = |effect: &&'static Effect| Some((effect.id, effect.laws(&robot).ok()?));
+    let named = CATALOGUE.iter().filter_map(of_effect);
+    let named = named.flat_map(|(id, laws)| laws.into_iter().map(move |law| (id, law)));
+    let (ids, laws): (Vec<&str>, Vec<Arc<dyn Law>>) = named.unzip();
+    let mut least = vec![0; laws.len()];
     let (mut all, mut families) = (Vec::new(), Vec::new());
     for seed in FIRST..FIRST + robots {
         let simulated = Direct::record(&Options { seed, ..Options::new(robot.clone()) }, SHORT_MOTION)?;
@@ -40,6 +44,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let seconds = clock.elapsed().as_secs_f64();
         let scan = Scan::of(&scores, trial.inflation);
         let p: Vec<f64> = scan.scores.iter().flatten().map(|score| score.p).collect();
+        for (count, score) in least.iter_mut().zip(&scan.scores) {
+            *count += usize::from(score.as_ref().is_some_and(|score| score.p < LEVELS[0]));
+        }
         let family = scan.p_of_family(p.iter().copied().fold(1.0, f64::min));
         eprintln!(
             "robot {seed}: {} laws, {} columns of {} samples in {seconds:.1} s; the whole catalogue's p {family:.3}",
@@ -56,6 +63,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     for (what, values) in [("share of laws", &all), ("share of catalogues", &families)] {
         let share = |level: f64| values.iter().filter(|p| **p < level).count() as f64 / values.len() as f64;
         println!("| {what} | {} |", LEVELS.map(|level| format!("{:.3}", share(level))).join(" | "));
+    }
+    let most = ids.iter().zip(&least).max_by_key(|(_, count)| **count);
+    if let Some((id, count)) = most {
+        println!("\np below {} most often: {id}, {count} times of {robots}", LEVELS[0]);
     }
     Ok(())
 }

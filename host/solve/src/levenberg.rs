@@ -32,10 +32,11 @@ const MOST_CREEPING_STEPS: usize = 4;
 /// See there.
 const CREEPING: f64 = 10.0;
 
-/// What a step may promise for its factor to serve the next one too: less than that, and all unknowns together move by less than one standard
-/// deviation.
-const NEAR: f64 = 0.5;
-/// So much less than the one before it has a step by an old factor to promise, for the next one to go by that factor as well.
+/// What a step may promise for its factor to serve the next one too, for residuals in units of their noise: less than that, and all unknowns
+/// together move by less than one standard deviation. By how much the matrix changes over so little no estimate and no interval shows.
+const NEAR_PROMISE: f64 = 0.5;
+/// So much less than the one before it has a step by an old factor to promise, for the next one to go by that factor as well: all of them
+/// together move by some two standard deviations at most.
 const SHRINKS: f64 = 0.3;
 
 /// A change of the cost with which it still falls.
@@ -44,7 +45,7 @@ const FALLING: f64 = 0.02;
 /// When to stop, how much to damp, how many threads to use.
 #[derive(Debug, Clone)]
 pub struct Settings {
-    /// Most factorisations. Default 60.
+    /// Most iterations. Default 60.
     pub max_iterations: usize,
     /// Most of them while the cost still falls by a fiftieth with each. Default 60, which is none beyond the others.
     pub most_while_falling: usize,
@@ -94,6 +95,8 @@ pub struct Iteration {
     pub damping: f64,
     /// Trial steps, the accepted one included.
     pub trials: usize,
+    /// Whether the step went by the factor of an earlier iteration.
+    pub by_old_factor: bool,
 }
 
 /// Seconds spent in the parts of a solve.
@@ -101,7 +104,7 @@ pub struct Iteration {
 pub struct Seconds {
     /// Residuals with their derivatives (the slower of the two sweeps).
     pub linearise: f64,
-    /// Eliminating the states.
+    /// Eliminating the states, or their gradient by an old factor.
     pub factor: f64,
     /// Border solves, back-substitutions, retractions and trial costs.
     pub solve: f64,
@@ -126,14 +129,14 @@ pub struct Solution<P> {
     pub cost: f64,
     /// How it ended.
     pub status: Status,
-    /// One entry a factorisation.
+    /// One entry a step.
     pub iterations: Vec<Iteration>,
     /// Where the time went.
     pub seconds: Seconds,
     /// The information matrix of the shared unknowns, row-major m × m, as [`Factor::schur`] gives it: without damping, at the final point
-    /// (or so near before it that all unknowns together moved by less than one standard deviation since).
+    /// (or so near before it that all unknowns together moved by some two standard deviations at most since).
     pub information: Vec<f64>,
-    /// The gradient that goes with it, m.
+    /// The gradient of the last iteration, m.
     pub gradient: Vec<f64>,
 }
 
@@ -155,8 +158,6 @@ struct Accepted {
     cost: f64,
     /// Of the border.
     damping: f64,
-    /// Whether it was whole, and gained about what it promised.
-    as_promised: bool,
     /// Whether nothing but the whole of it was tried.
     whole: bool,
     /// What it gained of what it promised.
@@ -164,6 +165,11 @@ struct Accepted {
 }
 
 impl Accepted {
+    /// Whether it was whole, and gained about what it promised.
+    fn kept_its_promise(&self) -> bool {
+        self.whole && WHOLE_STEP_GAIN.contains(&self.ratio)
+    }
+
     /// By what the damping of the states changes near the end: it is needed as long as steps under it do not keep their promise.
     fn less_state_damping(&self) -> f64 {
         match (self.whole, self.ratio) {
@@ -267,6 +273,10 @@ pub fn minimise<P: LeastSquares>(
             // NaN counts as a rejection.
             let rejected = trial_cost.is_nan() || trial_cost >= cost;
             let little = (trial_cost - cost).abs() <= settings.relative_cost_change * cost;
+            if rejected && is_old && !nothing_left {
+                // The old factor leads nowhere, which says nothing of the minimum.
+                break;
+            }
             nothing_left |= rejected && little && damping <= HEAVY_DAMPING && state_damping <= 1e-9;
             let mut fraction = 1.0;
             if rejected && !nothing_left && trial_cost.is_finite() {
@@ -302,8 +312,7 @@ pub fn minimise<P: LeastSquares>(
                         problem.retract(&point, &step, &mut trial);
                     }
                 }
-                let as_promised = whole && WHOLE_STEP_GAIN.contains(&ratio);
-                accepted = Some(Accepted { cost: trial_cost, damping: used, as_promised, whole, ratio });
+                accepted = Some(Accepted { cost: trial_cost, damping: used, whole, ratio });
                 break;
             }
             // No damping of the border shortens a step that is the states' own.
@@ -321,8 +330,6 @@ pub fn minimise<P: LeastSquares>(
                 break;
             }
             if is_old {
-                // The old factor leads nowhere: a new one.
-                damping = settings.initial_damping;
                 continue;
             }
             if state_damping < 1.0 {
@@ -342,19 +349,21 @@ pub fn minimise<P: LeastSquares>(
         still_falls = change > FALLING;
         std::mem::swap(&mut point, &mut trial);
         cost = accepted.cost;
-        let iteration = Iteration { cost, damping: accepted.damping, trials };
+        let iteration = Iteration { cost, damping: accepted.damping, trials, by_old_factor: is_old };
         progress(iterations.len() + 1, &iteration);
         iterations.push(iteration);
         // A heavily damped step and a part of one change little anywhere: they say nothing of the minimum.
         let little_changed =
             change < settings.relative_cost_change && accepted.whole && accepted.damping <= HEAVY_DAMPING;
+        // By an old factor they do not either, unless it gains what it promises.
+        let little_changed = little_changed && (!is_old || accepted.kept_its_promise());
         if (nothing_left || little_changed) && state_damping <= 1e-9 {
             status = Status::Converged;
             break;
         }
         factor_is_final = false;
         let shrinks = promised_before.is_none_or(|before| undamped_promise < SHRINKS * before);
-        if state_damping == 0.0 && accepted.as_promised && undamped_promise < NEAR && shrinks {
+        if state_damping == 0.0 && accepted.kept_its_promise() && undamped_promise < NEAR_PROMISE && shrinks {
             near = Some(undamped_promise);
         }
         let creeping = CREEPING * settings.relative_cost_change;

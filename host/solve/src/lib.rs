@@ -9,7 +9,8 @@
 //! Residuals touch one stage and the border, or carry a stage into the next one, `x[k+1] = φ(x[k], p)`: a problem fills them into [`Stage`]s.
 //! The Gauss–Newton matrix is then block tridiagonal with a dense border, and one elimination sweep costs O(N):
 //! [`factor`] runs it from both ends inwards on two threads, [`border`] holds what is left for the shared unknowns (the Schur
-//! complement, which is their information matrix), [`levenberg`] iterates, near the end by an old factor ([`Factor::renew`](factor::Factor::renew)), [`kernel`] has the small dense loops. From the finished factor,
+//! complement, which is their information matrix), [`levenberg`] iterates, near the end by an old factor (`renew`), [`kernel`] has the small
+//! dense loops. From the finished factor,
 //! [`columns`] eliminates the states from further columns beside the Jacobian, and [`inverse`] has the log-determinant and the blocks of
 //! the inverse. [`simd`] is the vector that the loops are written in, [`threads`] runs two halves at once.
 #![forbid(unsafe_code)]

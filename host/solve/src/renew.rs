@@ -6,7 +6,7 @@
 //! ```text
 //!   y = U⁻ᵀ g        the neighbour's g loses Yᵀ y        the border's loses Zᵀ y
 //! ```
-//! which takes half of the time of an iteration. Such steps rest only where the gradient is zero, whatever the factor.
+//! Such steps rest only where the gradient is zero, whatever the factor; so it does no harm that what is kept of it has single precision.
 
 use std::time::{Duration, Instant};
 
@@ -192,7 +192,8 @@ type At<'a, P> = (&'a P, &'a <P as LeastSquares>::Point);
 
 impl Factor {
     /// Makes all residuals anew at `point` and eliminates their gradient by the factor that is there, so that steps and
-    /// [`schur`](Factor::schur)'s gradient are those of this point, by the matrix of the other one.
+    /// [`schur`](Factor::schur)'s gradient are those of this point, by the matrix of the other one. Of a factor that
+    /// [`factorise`](Factor::factorise) has filled.
     pub fn renew<P: LeastSquares>(&mut self, problem: &P, point: &P::Point, threads: usize) {
         let (columns, middle) = (self.columns(), self.middle());
         let renewed = match self.kept_mut() {

@@ -1,11 +1,11 @@
-//! What is kept of every stage for the back-substitution: U and `[Y | Z y]`, in double or single precision.
+//! What is kept of every stage for the back-substitution and for further steps by the same factor: U and `[Y | Z y]`, in double or single precision.
 //!
 //! ```text
 //! one stage, by groups of four:  U's rows from their diagonal block on | rows of [Y | Z] | y
 //! ```
-//! The elimination itself is always in double precision, and so are the Schur complement and its gradient. What is kept is only read to
-//! find the states' step: in single precision it has seven digits, which the next iteration mends, at half the memory and half of its
-//! traffic, which is what the time goes into.
+//! The elimination itself is always in double precision, and so are the Schur complement and its gradient. What is kept is read to find the
+//! states' step, and to eliminate the gradient of another point near the end of a search: in single precision it has seven digits, which the
+//! next iteration mends, at half the memory and half of its traffic, which is what the time goes into.
 //!
 //! Memory of single precision goes from one factor to the next: what went back to the system would come again page by page, each emptied
 //! anew, which takes as long as half an iteration.

@@ -45,8 +45,11 @@ pub struct Calibration {
     pub recordings: Vec<RecordingUsed>,
     /// How it ended.
     pub status: Status,
-    /// Factorisations.
+    /// Steps.
     pub iterations: usize,
+    /// How many of them went by a factor of their own; 0 where an earlier version has not counted them.
+    #[serde(default)]
+    pub factorisations: usize,
     /// ½ Σ r² at the estimate.
     pub cost: f64,
     /// Rows less unknowns.

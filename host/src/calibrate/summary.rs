@@ -152,6 +152,7 @@ pub(super) fn summarise<'m>(
             levenberg::Status::IterationLimit => Status::IterationLimit,
         },
         iterations: solution.iterations.len(),
+        factorisations: solution.iterations.iter().filter(|iteration| !iteration.by_old_factor).count(),
         cost: solution.cost,
         dof: problem.row_count(end) as f64 - unknowns as f64,
         seconds: Seconds { start: 0.0, noise: 0.0, linearise: 0.0, factor: 0.0, solve: 0.0, total: 0.0 },

@@ -38,6 +38,8 @@ const STATE_ITERATIONS: usize = 6;
 const ENOUGH: f64 = 1e-4;
 /// Of the pieces that move, the share that is always kept, and that the model has to explain in the end.
 const LEAST: f64 = 0.35;
+/// What a round leaves at most of what the one before it left, as long as it explains nothing.
+const HOPELESS: f64 = 0.5;
 /// How far speeds may jump within 1 ms where torques are left open, rad/s or m/s.
 const OPEN_SPEED: f64 = 0.05;
 
@@ -129,7 +131,7 @@ impl<'a> Trim<'a> {
     fn from(&self, first: &dyn Fn(usize) -> bool) -> Result<(usize, Shared), CalibrateError> {
         let mut shared = start::shared(self.model, self.robot, self.pieces);
         let mut keep: Vec<bool> = (0..self.moving.len()).map(first).collect();
-        let mut explained = 0;
+        let (mut explained, mut least_before) = (0, f64::INFINITY);
         for round in 0..ROUNDS {
             shared = self.fit(&self.pieces.only(|place| keep[place]), shared)?;
             let costs = self.costs(&shared)?;
@@ -140,10 +142,12 @@ impl<'a> Trim<'a> {
             let least = of_moving.get((LEAST * of_moving.len() as f64) as usize).copied().unwrap_or(0.0);
             let before = std::mem::replace(&mut keep, costs.iter().map(|cost| *cost <= least.max(EXPLAINED)).collect());
             tracing::debug!(round, least, explained, of = of_moving.len(), "trimmed");
-            // A fit of the better pieces that still explains none of them: what is missing is no event.
-            if keep == before || (round > 0 && explained == 0) {
+            // A fit of the better pieces that explains none of them and hardly gets better: what is missing is no event.
+            let hopeless = explained == 0 && least > HOPELESS * least_before;
+            if keep == before || hopeless {
                 break;
             }
+            least_before = least;
         }
         Ok((explained, shared))
     }

@@ -19,7 +19,7 @@ use super::settle::accept;
 use super::significance::p_of_score;
 use super::worth::{Scale, is_rest, keeps};
 use crate::calibrate::{Bench, CalibrateError, Trial};
-use crate::effect::Effect;
+use crate::effect::{Effect, Row};
 use crate::model::law::Law;
 
 /// Alternatives of a law that are scanned on the samples that decide, where few samples show nothing: a scan costs in proportion to both.
@@ -38,6 +38,15 @@ const TANGENT: f64 = 10.0;
 /// Of two laws together.
 const PAIR_ITERATIONS: usize = 8;
 
+/// Why a cause may have to go again.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Doubt {
+    /// No robot can have its parameters.
+    Impossible,
+    /// It explains too little of what a curve does, if not together with another cause on this equation.
+    Leans(Row),
+}
+
 /// Searches from the base model, a trial on each bench: `few` samples for the scan of everything, `bench` for what decides. `unseen` is ½ Σ r²,
 /// a sample, of samples that are on neither bench, with the parameters of a trial. `step` is told what begins.
 ///
@@ -55,7 +64,7 @@ pub fn search(
     let usual: Vec<Candidate> = candidates.iter().map(|candidate| candidate.first(USUAL_ALTERNATIVES)).collect();
     // Where the search stood when it accepted a cause that no robot can have, or that does not hold its own against a curve, unless another
     // one is found beside it.
-    let mut before_doubt: Option<Search> = None;
+    let mut before_doubt: Option<(Search, Doubt)> = None;
     loop {
         step("scanning the catalogue");
         let (mut scanned, of_few) = scan(few, &found.accepted, &on_few, candidates)?;
@@ -97,8 +106,9 @@ pub fn search(
         let rival = curves.first().filter(|curve| curve.p_family < LEVEL);
         let enough = |score: f64| rival.is_none_or(|curve| score >= NAMED_SHARE * curve.score);
         let may_go_on = found.accepted.len() < MOST_FINDINGS;
+        let may_lean = found.accepted.len() + 1 < MOST_FINDINGS;
         let is_held = |best: &Scanned, refitted: &[Scanned]| {
-            enough(best.score) || enough(with_another(bench, &found, best, refitted, enough))
+            enough(best.score) || may_lean && enough(with_another(bench, &found, best, refitted, enough))
         };
         let mut best = refitted.iter().find(is_sound).cloned();
         // What few samples show well and nothing may be made of, more samples show too. What they hardly show may be anything; beside a cause that
@@ -129,17 +139,24 @@ pub fn search(
             Some(best) if holds => {
                 let from = best.on_few.clone();
                 let (before, refused) = (found.clone(), best.clone());
-                let leans = !enough(best.score);
+                let (leans, row) = (!enough(best.score), best.named.effect.row);
                 accept(bench, &mut found, best, &refitted)?;
                 let is_possible = found.trial.is_possible();
                 if !is_possible {
                     found.trial = bench.fit_within(&found.trial, FINAL_ITERATIONS)?;
                 }
-                if is_possible && !leans {
-                    before_doubt = None;
-                } else {
-                    before_doubt = before_doubt.or(Some(Search { refused: Some(refused), left: curves, ..before }));
-                }
+                let doubt = match (is_possible, leans) {
+                    (false, _) => Some(Doubt::Impossible),
+                    (true, true) => Some(Doubt::Leans(row)),
+                    (true, false) => None,
+                };
+                before_doubt = match (before_doubt, doubt) {
+                    // What leans waits for a cause on its own equation.
+                    (Some((before, Doubt::Leans(on))), None) if on != row => Some((before, Doubt::Leans(on))),
+                    (_, None) => None,
+                    (Some((first, _)), Some(doubt)) => Some((first, doubt)),
+                    (None, Some(doubt)) => Some((Search { refused: Some(refused), left: curves, ..before }, doubt)),
+                };
                 let from = from.as_ref().unwrap_or(&found.trial);
                 on_few = few.fit(&found.laws(), from, FINAL_ITERATIONS)?;
                 if !is_possible && !on_few.is_possible() {
@@ -147,9 +164,15 @@ pub fn search(
                 }
             }
             best => {
+                let is_disputed = rival.is_some();
                 found.refused = best;
                 found.left = curves;
-                return Ok(before_doubt.unwrap_or(found));
+                return Ok(match before_doubt {
+                    // Nothing is left that would speak against it.
+                    Some((_, Doubt::Leans(_))) | None if !is_disputed => found,
+                    Some((before, _)) => before,
+                    None => found,
+                });
             }
         }
     }

@@ -287,6 +287,7 @@ mod tests {
             recordings: Vec::new(),
             status: Status::Converged,
             iterations: 9,
+            factorisations: 7,
             cost: 50.0,
             dof: 100.0,
             seconds: Seconds { start: 0.1, noise: 0.3, linearise: 0.4, factor: 0.6, solve: 0.5, total: 1.6 },

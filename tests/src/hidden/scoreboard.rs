@@ -55,7 +55,7 @@ impl Scoreboard {
         let placed = |o: &Outcome| o.verdict == Verdict::Unknown && o.is_right_place;
         board.row("the same: unknown, on the right equation and joint", &outsiders, placed);
         board.row("the same: another name given", &outsiders, |o| o.verdict == Verdict::Named);
-        let strange = |o: &Outcome| o.verdict == Verdict::Named && !in_class(o);
+        let strange = |o: &Outcome| o.named.iter().any(|named| !is_of_class(o, named));
         board.row("the same: another name given, and none of its class", &outsiders, strange);
         let wrong = |o: &&Outcome| if o.case.is_outsider { !o.named.is_empty() } else { o.named != o.case.effects };
         board.misses = outcomes.iter().filter(wrong).map(miss).collect();
@@ -86,7 +86,12 @@ impl Scoreboard {
 
 /// Whether what was hidden was named, or something that the catalogue or the motion cannot tell from it.
 fn in_class(outcome: &Outcome) -> bool {
-    let (Some(hidden), Some(named)) = (outcome.case.effects.first(), outcome.named.first()) else { return false };
+    outcome.named.first().is_some_and(|named| is_of_class(outcome, named))
+}
+
+/// Whether a name is that of what was hidden, or of something that the catalogue or the motion cannot tell from it.
+fn is_of_class(outcome: &Outcome, named: &str) -> bool {
+    let Some(hidden) = outcome.case.effects.first() else { return false };
     let confounded =
         |id: &str, with: &str| Effect::by_id(id).is_ok_and(|effect| effect.confounded_with.contains(&with));
     named == hidden || outcome.aliases.contains(hidden) || confounded(hidden, named) || confounded(named, hidden)

@@ -141,3 +141,20 @@ fn states_at_bends_hold_up_no_search() {
     // Measured: 26, with 45 trials; sixty are not enough where the damping of states only falls.
     assert!((13..=40).contains(&iterations) && trials < 2 * iterations, "{iterations} iterations, {trials} trials");
 }
+
+#[test]
+fn near_its_end_a_search_goes_by_an_old_factor_to_the_same_minimum() {
+    // Not far enough by whole steps: a third of the error is left by each, so that the search takes several near its end.
+    let problem = Bent { stages: 1000, bend: -0.3 };
+    let start = (vec![0.5; 1000], 0.3);
+    let solution = minimise(&problem, start, &[], &Settings::default(), |_, _| {}).unwrap();
+    assert_eq!(solution.status, Status::Converged);
+    let old = solution.iterations.iter().filter(|iteration| iteration.by_old_factor).count();
+    let new = solution.iterations.len() - old;
+    // Measured: 3 and 6.
+    assert!((2..=4).contains(&new) && (5..=7).contains(&old), "{new} new factors, {old} old ones");
+    assert!(solution.point.1.abs() < 1e-4, "p = {:e}", solution.point.1);
+    // The matrix at the minimum is N, of the rows p alone.
+    let information = solution.information[0];
+    assert!((information / 1000.0 - 1.0).abs() < 1e-3, "{information}");
+}
