@@ -31,7 +31,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let named = CATALOGUE.iter().filter_map(of_effect);
     let named = named.flat_map(|(id, laws)| laws.into_iter().map(move |law| (id, law)));
     let (ids, laws): (Vec<&str>, Vec<Arc<dyn Law>>) = named.unzip();
-    let mut least = vec![0; laws.len()];
+    // How often each of them is below the least level.
+    let mut often = vec![0; laws.len()];
     let (mut all, mut families) = (Vec::new(), Vec::new());
     for seed in FIRST..FIRST + robots {
         let simulated = Direct::record(&Options { seed, ..Options::new(robot.clone()) }, SHORT_MOTION)?;
@@ -44,7 +45,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let seconds = clock.elapsed().as_secs_f64();
         let scan = Scan::of(&scores, trial.inflation);
         let p: Vec<f64> = scan.scores.iter().flatten().map(|score| score.p).collect();
-        for (count, score) in least.iter_mut().zip(&scan.scores) {
+        for (count, score) in often.iter_mut().zip(&scan.scores) {
             *count += usize::from(score.as_ref().is_some_and(|score| score.p < LEVELS[0]));
         }
         let family = scan.p_of_family(p.iter().copied().fold(1.0, f64::min));
@@ -64,7 +65,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let share = |level: f64| values.iter().filter(|p| **p < level).count() as f64 / values.len() as f64;
         println!("| {what} | {} |", LEVELS.map(|level| format!("{:.3}", share(level))).join(" | "));
     }
-    let most = ids.iter().zip(&least).max_by_key(|(_, count)| **count);
+    let most = ids.iter().zip(&often).max_by_key(|(_, count)| **count);
     if let Some((id, count)) = most {
         println!("\np below {} most often: {id}, {count} times of {robots}", LEVELS[0]);
     }

@@ -147,9 +147,9 @@ impl Factor {
         let right = || sweep_left(problem, point, columns, damping, middle, right_kept);
         let (left, right) = both(threads, left, right);
         let (left, mut sweep): (Sweep, Sweep) = (left?, right?);
-        self.linearise = left.linearise.max(sweep.linearise);
+        self.linearise = left.batch.linearise.max(sweep.batch.linearise);
         sweep.take_over(&left);
-        problem.border_rows(point, sweep.stage_for_border());
+        problem.border_rows(point, sweep.batch.stage_for_border());
         finish(&mut sweep, middle_kept).map_err(|pivot| Singular { stage: middle, pivot })?;
         self.border = sweep.border;
         Ok(())

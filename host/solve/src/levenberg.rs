@@ -352,11 +352,12 @@ pub fn minimise<P: LeastSquares>(
         let iteration = Iteration { cost, damping: accepted.damping, trials, by_old_factor: is_old };
         progress(iterations.len() + 1, &iteration);
         iterations.push(iteration);
-        // A heavily damped step and a part of one change little anywhere: they say nothing of the minimum.
-        let little_changed =
-            change < settings.relative_cost_change && accepted.whole && accepted.damping <= HEAVY_DAMPING;
-        // By an old factor they do not either, unless it gains what it promises.
-        let little_changed = little_changed && (!is_old || accepted.kept_its_promise());
+        // A heavily damped step and a part of one change little anywhere: they say nothing of the minimum. Nor does a step by an old factor,
+        // unless it gains what it promises.
+        let little_changed = change < settings.relative_cost_change
+            && accepted.whole
+            && accepted.damping <= HEAVY_DAMPING
+            && (!is_old || accepted.kept_its_promise());
         if (nothing_left || little_changed) && state_damping <= 1e-9 {
             status = Status::Converged;
             break;

@@ -32,6 +32,7 @@ mod sweep;
 #[cfg(test)]
 mod tests;
 pub mod threads;
+mod walk;
 
 pub use problem::{LeastSquares, Step};
 pub use shape::{BATCH, Shape};

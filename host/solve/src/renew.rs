@@ -8,15 +8,15 @@
 //! ```
 //! Such steps rest only where the gradient is zero, whatever the factor; so it does no harm that what is kept of it has single precision.
 
-use std::time::{Duration, Instant};
+use std::convert::Infallible;
 
 use super::LeastSquares;
 use super::factor::Factor;
 use super::shape::{BATCH, Columns};
-use super::stage::Stage;
 use super::store::{Kept, Store, triangle};
-use super::sweep::{Direction, Reduced, Sweep};
+use super::sweep::{Reduced, Sweep};
 use super::threads::both;
+use super::walk::{Batch, Direction, Front, Steps, walk};
 use crate::simd::{LANES, Simd, Work, vectorised};
 
 /// One end's sweep over the gradient.
@@ -27,8 +27,7 @@ struct Renewal {
     next: Vec<f64>,
     /// This sweep's share of the border; its matrix is empty.
     border: Reduced,
-    batch: Vec<Stage>,
-    linearise: Duration,
+    batch: Batch,
 }
 
 impl Renewal {
@@ -39,23 +38,8 @@ impl Renewal {
             front: vec![0.0; n],
             next: vec![0.0; n],
             border: Reduced { gradient: vec![0.0; columns.border_groups * LANES], ..Reduced::default() },
-            batch: vec![Stage::new(columns); BATCH],
-            linearise: Duration::ZERO,
+            batch: Batch::new(columns),
         }
-    }
-
-    fn linearise<P: LeastSquares>(
-        &mut self,
-        problem: &P,
-        point: &P::Point,
-        first: usize,
-        scratch: &mut P::Scratch,
-    ) -> usize {
-        let clock = Instant::now();
-        let count = BATCH.min(self.columns.shape.stages - first);
-        problem.linearise(point, first, scratch, &mut self.batch[..count]);
-        self.linearise += clock.elapsed();
-        count
     }
 
     fn take_over(&mut self, other: &Renewal) {
@@ -70,7 +54,7 @@ impl Renewal {
     #[inline(always)]
     fn add_rows<S: Simd>(&mut self, simd: S, slot: usize) {
         let Renewal { front, border, batch, .. } = self;
-        let stage = &batch[slot];
+        let stage = &batch.stages[slot];
         for unit in &stage.units {
             front[unit.component] += unit.slope * unit.residual;
             border.squares += unit.residual * unit.residual;
@@ -81,14 +65,17 @@ impl Renewal {
 
     /// Starts the next stage's gradient, and adds the transition of `slot` to it and to the front's.
     #[inline(always)]
-    fn add_transition<S: Simd>(&mut self, simd: S, slot: usize, source_is_at_front: bool) {
+    fn add_transition<S: Simd>(&mut self, simd: S, slot: usize, at_front: Front) {
         let Renewal { front, next, border, batch, .. } = self;
-        let stage = &batch[slot];
+        let stage = &batch.stages[slot];
         next.fill(0.0);
         if !stage.linked {
             return;
         }
-        let (source, successor) = if source_is_at_front { (front, next) } else { (next, front) };
+        let (source, successor) = match at_front {
+            Front::Source => (front, next),
+            Front::Successor => (next, front),
+        };
         Sweep::add_residuals(simd, &stage.transition, source, border);
         for (i, (to, r)) in successor.iter_mut().zip(&stage.transition.residuals).enumerate() {
             *to -= stage.weight[i / LANES].0[i % LANES] * r;
@@ -144,46 +131,53 @@ fn forward<S: Simd, T: Kept>(simd: S, u: &[[T; LANES]], g: &mut [f64]) {
     }
 }
 
+/// Not generic over the problem, so that it is compiled once for each precision. Memory is read forwards into `near`, whatever the direction: see the
+/// back-substitution.
+fn turn<T: Kept>(renewal: &mut Renewal, kept: &mut [[T; LANES]], near: &mut Vec<[T; LANES]>, direction: Direction) {
+    near.clear();
+    near.extend_from_slice(kept);
+    let Ok(()) = vectorised(Turn { renewal, kept, near, direction });
+}
+
 /// The stages of a batch, as many as `kept` has.
 struct Turn<'a, T> {
     renewal: &'a mut Renewal,
     kept: &'a mut [[T; LANES]],
-    /// A copy of it, nearer.
-    near: &'a mut Vec<[T; LANES]>,
+    /// A copy of it.
+    near: &'a [[T; LANES]],
     direction: Direction,
 }
 
 impl<T: Kept> Work for Turn<'_, T> {
-    type Output = ();
+    type Output = Result<(), (usize, Infallible)>;
 
     #[inline(always)]
-    fn run<S: Simd>(self, simd: S) {
-        let Turn { renewal, kept, near, direction } = self;
-        let (size, own) = (renewal.columns.kept(), renewal.columns.stage_groups);
-        // Memory is read forwards, whatever the direction: see the back-substitution.
-        near.clear();
-        near.extend_from_slice(kept);
-        let eliminated = kept.len() / size;
-        if let Direction::Left { count } = direction {
-            for slot in eliminated..count {
-                renewal.add_rows(simd, slot);
-            }
-        }
-        for turn in 0..eliminated {
-            let (slot, source_is_at_front) = match direction {
-                Direction::Right => (turn, true),
-                Direction::Left { .. } => (eliminated - 1 - turn, false),
-            };
-            if source_is_at_front {
-                renewal.add_rows(simd, slot);
-            }
-            renewal.add_transition(simd, slot, source_is_at_front);
-            let (from, y) = (slot * size..(slot + 1) * size - own, (slot + 1) * size - own..(slot + 1) * size);
-            renewal.eliminate(simd, &near[from], &mut kept[y]);
-            if !source_is_at_front {
-                renewal.add_rows(simd, slot);
-            }
-        }
+    fn run<S: Simd>(mut self, simd: S) -> Self::Output {
+        let eliminated = self.kept.len() / self.renewal.columns.kept();
+        let direction = self.direction;
+        walk(simd, &mut self, direction, eliminated)
+    }
+}
+
+impl<T: Kept> Steps for Turn<'_, T> {
+    type Failure = Infallible;
+
+    #[inline(always)]
+    fn add_rows<S: Simd>(&mut self, simd: S, slot: usize) {
+        self.renewal.add_rows(simd, slot);
+    }
+
+    #[inline(always)]
+    fn add_transition<S: Simd>(&mut self, simd: S, slot: usize, at_front: Front) {
+        self.renewal.add_transition(simd, slot, at_front);
+    }
+
+    #[inline(always)]
+    fn eliminate<S: Simd>(&mut self, simd: S, slot: usize) -> Result<(), Infallible> {
+        let (size, own) = (self.renewal.columns.kept(), self.renewal.columns.stage_groups);
+        let end = (slot + 1) * size;
+        self.renewal.eliminate(simd, &self.near[end - size..end - own], &mut self.kept[end - own..end]);
+        Ok(())
     }
 }
 
@@ -194,14 +188,14 @@ impl Factor {
     /// Makes all residuals anew at `point` and eliminates their gradient by the factor that is there, so that steps and
     /// [`schur`](Factor::schur)'s gradient are those of this point, by the matrix of the other one. Of a factor that
     /// [`factorise`](Factor::factorise) has filled.
-    pub fn renew<P: LeastSquares>(&mut self, problem: &P, point: &P::Point, threads: usize) {
+    pub(super) fn renew<P: LeastSquares>(&mut self, problem: &P, point: &P::Point, threads: usize) {
         let (columns, middle) = (self.columns(), self.middle());
         let renewed = match self.kept_mut() {
             Store::Double(kept) => renew((problem, point), columns, middle, kept, threads),
             Store::Single(kept) => renew((problem, point), columns, middle, kept, threads),
             Store::Nothing(_) => unreachable!("a factor that keeps nothing is not handed out"),
         };
-        self.take_gradient(renewed.border, renewed.linearise);
+        self.take_gradient(renewed.border, renewed.batch.linearise);
     }
 }
 
@@ -218,12 +212,10 @@ fn renew<P: LeastSquares, T: Kept>(
     let left = || rightwards(at, columns, left_kept);
     let right = || leftwards(at, columns, middle, right_kept);
     let (left, mut renewal) = both(threads, left, right);
-    renewal.linearise = renewal.linearise.max(left.linearise);
+    renewal.batch.linearise = renewal.batch.linearise.max(left.batch.linearise);
     renewal.take_over(&left);
-    renewal.batch[0].clear();
-    at.0.border_rows(at.1, &mut renewal.batch[0]);
-    let (renewed, near) = (&mut renewal, &mut Vec::new());
-    vectorised(Turn { renewal: renewed, kept: middle_kept, near, direction: Direction::Right });
+    at.0.border_rows(at.1, renewal.batch.stage_for_border());
+    turn(&mut renewal, middle_kept, &mut Vec::new(), Direction::Right);
     renewal
 }
 
@@ -235,8 +227,8 @@ fn rightwards<P: LeastSquares, T: Kept>(
 ) -> Renewal {
     let (mut renewal, mut near, mut scratch) = (Renewal::new(columns), Vec::new(), problem.scratch());
     for (batch, kept) in kept.chunks_mut(BATCH * columns.kept()).enumerate() {
-        renewal.linearise(problem, point, batch * BATCH, &mut scratch);
-        vectorised(Turn { renewal: &mut renewal, kept, near: &mut near, direction: Direction::Right });
+        renewal.batch.fill(problem, point, batch * BATCH, &mut scratch);
+        turn(&mut renewal, kept, &mut near, Direction::Right);
     }
     renewal
 }
@@ -251,10 +243,10 @@ fn leftwards<P: LeastSquares, T: Kept>(
     let (mut renewal, mut near, mut scratch) = (Renewal::new(columns), Vec::new(), problem.scratch());
     let (stages, size) = (columns.shape.stages, columns.kept());
     for first in (middle..stages).step_by(BATCH).rev() {
-        let count = renewal.linearise(problem, point, first, &mut scratch);
+        let count = renewal.batch.fill(problem, point, first, &mut scratch);
         let eliminated = if first + count == stages { count - 1 } else { count };
         let kept = &mut kept[(first - middle) * size..(first - middle + eliminated) * size];
-        vectorised(Turn { renewal: &mut renewal, kept, near: &mut near, direction: Direction::Left { count } });
+        turn(&mut renewal, kept, &mut near, Direction::Left { count });
     }
     renewal
 }

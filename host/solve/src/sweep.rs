@@ -1,13 +1,12 @@
 //! The moving front of an elimination: linearise a batch of stages, add them up, eliminate them one into the next.
 
-use std::time::{Duration, Instant};
-
 use super::LeastSquares;
 use super::error::Singular;
 use super::kernel::{self, Pivot, Rows, Sums};
 use super::shape::{BATCH, Columns};
-use super::stage::{Panel, Stage};
+use super::stage::Panel;
 use super::store::StoreMut;
+use super::walk::{Batch, Direction, Front, Steps, walk};
 use crate::simd::{LANES, Quad, Simd, Work, vectorised};
 
 /// Sums over rows: a stage's block `[D | E | B]` with its gradient, or the border's with Σ r².
@@ -40,16 +39,7 @@ pub(super) struct Sweep {
     damping: f64,
     /// This sweep's share of the border.
     pub(super) border: Reduced,
-    batch: Vec<Stage>,
-    /// Time spent in the problem's own code.
-    pub(super) linearise: Duration,
-}
-
-/// Which of two linked stages is at the front.
-#[derive(Debug, Clone, Copy, PartialEq)]
-enum Front {
-    Source,
-    Successor,
+    pub(super) batch: Batch,
 }
 
 impl Sweep {
@@ -68,23 +58,8 @@ impl Sweep {
                 gradient: vec![0.0; width],
                 squares: 0.0,
             },
-            batch: vec![Stage::new(columns); BATCH],
-            linearise: Duration::ZERO,
+            batch: Batch::new(columns),
         }
-    }
-
-    fn linearise<P: LeastSquares>(
-        &mut self,
-        problem: &P,
-        point: &P::Point,
-        first: usize,
-        scratch: &mut P::Scratch,
-    ) -> usize {
-        let clock = Instant::now();
-        let count = BATCH.min(self.columns.shape.stages - first);
-        problem.linearise(point, first, scratch, &mut self.batch[..count]);
-        self.linearise += clock.elapsed();
-        count
     }
 
     /// Joins the front of the other sweep, at the stage where the two meet.
@@ -102,12 +77,6 @@ impl Sweep {
             *a += b;
         }
         self.border.squares += other.border.squares;
-    }
-
-    /// An empty stage for the border's own rows.
-    pub(super) fn stage_for_border(&mut self) -> &mut Stage {
-        self.batch[0].clear();
-        &mut self.batch[0]
     }
 
     /// Adds `Σ rowᵀ row` of a panel to a block and to the border.
@@ -156,7 +125,7 @@ impl Sweep {
     #[inline(always)]
     fn add_rows<S: Simd>(&mut self, simd: S, slot: usize) {
         let Sweep { columns, front, border, batch, .. } = self;
-        let stage = &batch[slot];
+        let stage = &batch.stages[slot];
         let n = columns.padded_stage;
         for unit in &stage.units {
             let (i, slope) = (unit.component, unit.slope);
@@ -179,7 +148,7 @@ impl Sweep {
     #[inline(always)]
     fn add_transition<S: Simd>(&mut self, simd: S, slot: usize, at_front: Front) {
         let Sweep { columns, front, next, border, batch, .. } = self;
-        let stage = &batch[slot];
+        let stage = &batch.stages[slot];
         let (n, own) = (columns.padded_stage, columns.stage_groups);
         next.values[..n * own].fill(Quad::default());
         next.values[2 * n * own..].fill(Quad::default());
@@ -295,7 +264,7 @@ pub(super) fn sweep_right<P: LeastSquares>(
     let mut scratch = problem.scratch();
     let size = columns.kept();
     for first in (0..kept.groups() / size).step_by(BATCH) {
-        sweep.linearise(problem, point, first, &mut scratch);
+        sweep.batch.fill(problem, point, first, &mut scratch);
         let kept = kept.part(first * size..(first + BATCH) * size);
         turn(&mut sweep, kept, Direction::Right).map_err(|(slot, pivot)| Singular { stage: first + slot, pivot })?;
     }
@@ -315,7 +284,7 @@ pub(super) fn sweep_left<P: LeastSquares>(
     let mut scratch = problem.scratch();
     let (stages, size) = (columns.shape.stages, columns.kept());
     for first in (middle..stages).step_by(BATCH).rev() {
-        let count = sweep.linearise(problem, point, first, &mut scratch);
+        let count = sweep.batch.fill(problem, point, first, &mut scratch);
         // Stage `first + slot + 1` is eliminated at the turn of `slot`: there is none behind the last one.
         let eliminated = if first + count == stages { count - 1 } else { count };
         let kept = kept.part((first - middle) * size..(first - middle + eliminated) * size);
@@ -327,17 +296,8 @@ pub(super) fn sweep_left<P: LeastSquares>(
 
 /// The border's own rows, then the last stage, into nothing.
 pub(super) fn finish(sweep: &mut Sweep, kept: StoreMut<'_>) -> Result<(), Pivot> {
-    sweep.batch[0].linked = false;
+    sweep.batch.stages[0].unlink();
     turn(sweep, kept, Direction::Right).map_err(|(_, pivot)| pivot)
-}
-
-/// Which way a sweep goes through its batch.
-#[derive(Debug, Clone, Copy)]
-pub(super) enum Direction {
-    /// In order, each stage into its successor.
-    Right,
-    /// From the last of `count` stages on: each takes in its successor, then its own rows.
-    Left { count: usize },
 }
 
 /// Not generic over the problem, so that it is compiled once.
@@ -356,30 +316,29 @@ impl Work for Turn<'_> {
     type Output = Result<(), (usize, Pivot)>;
 
     #[inline(always)]
-    fn run<S: Simd>(self, simd: S) -> Self::Output {
-        let Turn { sweep, mut kept, direction } = self;
-        let size = sweep.columns.kept();
-        let eliminated = kept.groups() / size;
-        if let Direction::Left { count } = direction {
-            for slot in eliminated..count {
-                sweep.add_rows(simd, slot);
-            }
-        }
-        for turn in 0..eliminated {
-            let (slot, at_front) = match direction {
-                Direction::Right => (turn, Front::Source),
-                Direction::Left { .. } => (eliminated - 1 - turn, Front::Successor),
-            };
-            if at_front == Front::Source {
-                sweep.add_rows(simd, slot);
-            }
-            sweep.add_transition(simd, slot, at_front);
-            let kept = kept.part(slot * size..(slot + 1) * size);
-            sweep.eliminate(simd, kept).map_err(|pivot| (slot, pivot))?;
-            if at_front == Front::Successor {
-                sweep.add_rows(simd, slot);
-            }
-        }
-        Ok(())
+    fn run<S: Simd>(mut self, simd: S) -> Self::Output {
+        let eliminated = self.kept.groups() / self.sweep.columns.kept();
+        let direction = self.direction;
+        walk(simd, &mut self, direction, eliminated)
+    }
+}
+
+impl Steps for Turn<'_> {
+    type Failure = Pivot;
+
+    #[inline(always)]
+    fn add_rows<S: Simd>(&mut self, simd: S, slot: usize) {
+        self.sweep.add_rows(simd, slot);
+    }
+
+    #[inline(always)]
+    fn add_transition<S: Simd>(&mut self, simd: S, slot: usize, at_front: Front) {
+        self.sweep.add_transition(simd, slot, at_front);
+    }
+
+    #[inline(always)]
+    fn eliminate<S: Simd>(&mut self, simd: S, slot: usize) -> Result<(), Pivot> {
+        let size = self.sweep.columns.kept();
+        self.sweep.eliminate(simd, self.kept.part(slot * size..(slot + 1) * size))
     }
 }

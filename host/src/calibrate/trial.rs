@@ -56,8 +56,8 @@ impl Trial {
 
     /// Whether every law's parameters are such as a robot can have: within their ranges, but for three standard errors and a twentieth of the
     /// largest of their kind, which what the law leaves of a joint may make. Standard errors are those of residuals that wander as these do: scores
-    /// are too large by the inflation, and so is the square of how many errors a parameter lies beyond its range. Beyond threefold errors residuals
-    /// do not wander, they hold another cause, and no error speaks for that.
+    /// are too large by the inflation, and so is the square of how many errors a parameter lies beyond its range. They grow threefold at most:
+    /// residuals that would make them larger hold another cause, and no error speaks for that.
     pub fn is_possible(&self) -> bool {
         self.beyond().is_empty()
     }
@@ -170,5 +170,10 @@ mod tests {
         assert!(!trial(1.0).is_possible());
         // √2 · 3 · 0.0035 = 0.0148.
         assert!(trial(2.0).is_possible());
+        // 3 · 3 · 0.0035 = 0.0315, however much is left.
+        let mut far = trial(1e4);
+        assert!(far.is_possible());
+        far.values[1].estimate = -0.0350;
+        assert!(!far.is_possible());
     }
 }

@@ -39,7 +39,7 @@ const TANGENT: f64 = 10.0;
 const PAIR_ITERATIONS: usize = 8;
 
 /// Why a cause may have to go again.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy)]
 enum Doubt {
     /// No robot can have its parameters.
     Impossible,
@@ -169,7 +169,7 @@ pub fn search(
                 found.left = curves;
                 return Ok(match before_doubt {
                     // Nothing is left that would speak against it.
-                    Some((_, Doubt::Leans(_))) | None if !is_disputed => found,
+                    Some((_, Doubt::Leans(_))) if !is_disputed => found,
                     Some((before, _)) => before,
                     None => found,
                 });
