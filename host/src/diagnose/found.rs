@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::candidate::Curves;
+use super::curves::Curves;
 use crate::calibrate::{Bench, CalibrateError, Trial};
 use crate::effect::{CATALOGUE, Effect};
 use crate::model::law::Law;

@@ -13,6 +13,7 @@
 mod axes;
 mod bootstrap;
 mod candidate;
+mod curves;
 mod found;
 mod gain;
 mod margin;
@@ -23,7 +24,9 @@ mod search;
 mod settle;
 mod shapeless;
 mod significance;
+mod spline;
 mod tell;
+mod waves;
 mod worth;
 mod yardstick;
 

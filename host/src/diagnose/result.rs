@@ -114,7 +114,7 @@ pub struct Defect {
     pub row: Row,
     /// Joint, 1-based; `null` where no joint is concerned.
     pub axis: Option<usize>,
-    /// What the defect is a function of: `motor_speed`, `windup`, `link_angle` …
+    /// What the defect is a function of: `motor_speed`, `motor_phase`, `windup`, `link_angle` …
     pub argument: String,
     /// Share of the base model's excess that such a curve explains.
     pub share: f64,

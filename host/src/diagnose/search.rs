@@ -11,12 +11,12 @@
 use std::sync::Arc;
 
 use super::axes::axes_of_score;
-use super::candidate::{Candidate, PLACES, Place};
-use super::found::{Accepted, CurveFit, FINAL_ITERATIONS, LEVEL, Named, Scanned, Search, laws};
+use super::candidate::Candidate;
+use super::curves::best_curves;
+use super::found::{Accepted, FINAL_ITERATIONS, LEVEL, Named, Scanned, Search, laws};
 use super::refit::{Events, Refit, refit, straighten};
-use super::scan::{Scan, Score};
+use super::scan::Scan;
 use super::settle::accept;
-use super::significance::p_of_score;
 use super::worth::{Scale, is_rest, keeps};
 use crate::calibrate::{Bench, CalibrateError, Trial};
 use crate::effect::{Effect, Row};
@@ -28,9 +28,6 @@ pub const USUAL_ALTERNATIVES: usize = 2;
 const WEAK: f64 = 100.0;
 /// Most causes.
 const MOST_FINDINGS: usize = 4;
-/// Curves are linear in their coefficients.
-const CURVE_ITERATIONS: usize = 3;
-const CURVES_REFITTED: usize = 2;
 /// A named law explains this share of what the best curve does.
 const NAMED_SHARE: f64 = 0.8;
 /// What a law explains is hardly ever more than so many times the score of a scan, which is a tangent.
@@ -86,11 +83,7 @@ pub fn search(
         let mut refitted = refit(&on(family, few_tell), scanned.iter().filter(|s| may_earn(s)).cloned().collect());
         best_first(&mut refitted);
         step("holding them against curves");
-        let mut curves = curves(few, &on_few, (bench, &found.trial))?;
-        curves.sort_by(|a, b| b.score.total_cmp(&a.score));
-        for c in &curves {
-            tracing::debug!(place = ?c.curves.place, score = c.score, p = c.p_family, "curve");
-        }
+        let curves = best_curves(few, &on_few, (bench, &found.trial))?;
         // A law has to earn its parameters besides: what the null of the draws does not hold, a clock that jitters, gains a little too.
         let earns = |s: &&Scanned| {
             let scale = Scale::after(s.trial.as_ref().unwrap_or(&found.trial), samples);
@@ -260,32 +253,4 @@ pub fn scan(
     best.sort_by(|a, b| b.score.total_cmp(&a.score));
     note("scan", best.iter().take(12));
     Ok((best, scan))
-}
-
-/// The best curves: places by a scan of few samples, refitted on the samples that decide.
-fn curves(
-    few: &Bench<'_>,
-    on_few: &Trial,
-    (bench, current): (&Bench<'_>, &Trial),
-) -> Result<Vec<CurveFit>, CalibrateError> {
-    let laws: Vec<Arc<dyn Law>> = PLACES.iter().map(|place| place.curves(few, on_few).law).collect();
-    let scan = Scan::of(&few.scores(on_few, &laws)?, on_few.inflation);
-    let worth = |score: &Score| score.score - 2.0 * score.freedom as f64;
-    let mut places: Vec<(Place, f64)> = PLACES
-        .into_iter()
-        .zip(&scan.scores)
-        .filter_map(|(place, score)| Some((place, worth(score.as_ref()?))))
-        .collect();
-    places.sort_by(|a, b| b.1.total_cmp(&a.1));
-    let fit = |place: &Place| {
-        let curves = place.curves(bench, current);
-        let freedom = curves.law.parameters().coordinates.len();
-        let mut laws = current.laws.clone();
-        laws.push(curves.law.clone());
-        let trial = bench.fit(&laws, current, CURVE_ITERATIONS).ok().filter(|trial| trial.cost.is_finite())?;
-        let gained = 2.0 * (current.cost - trial.cost);
-        let p_family = scan.p_of_family(p_of_score(gained / current.inflation, freedom));
-        Some(CurveFit { curves, trial, score: gained - 2.0 * freedom as f64, p_family })
-    };
-    Ok(places.iter().take(CURVES_REFITTED).filter_map(|(place, _)| fit(place)).collect())
 }

@@ -5,7 +5,7 @@ use super::found::{CurveFit, LEVEL, Search};
 use super::result::{
     Candidate, ChannelGain, Defect, Diagnosis, Finding, NotTestable, Picture, Rival, Unexplained, Verdict,
 };
-use super::shapeless::Knots;
+use super::shapeless::Shape;
 use crate::calibrate::{Bench, CalibrateError, Fit, Trial};
 use crate::effect::Effect;
 use crate::robot::{Robot, Symbol};
@@ -108,10 +108,14 @@ fn verdict(found: &Search, findings: &[Finding]) -> Verdict {
 /// A curve's share by joint, as the curves' own sizes are.
 fn defects(curve: &CurveFit, excess: f64) -> Vec<Defect> {
     let place = curve.curves.place;
-    let joints = curve.curves.knots.len();
+    let joints = curve.curves.of_joints.len();
     let size = |joint: usize| {
-        let Some(coefficients) = curve.curves.coefficients(&curve.trial, joint) else { return 0.0 };
-        let mean = coefficients.iter().sum::<f64>() / coefficients.len() as f64;
+        let Some((curve, coefficients)) = curve.curves.fitted(&curve.trial, joint) else { return 0.0 };
+        // A smooth curve's coefficients are values of it, and its mean is no defect; waves have none.
+        let mean = match curve.shape {
+            Shape::Spline(_) => coefficients.iter().sum::<f64>() / coefficients.len() as f64,
+            Shape::Ripple(_) => 0.0,
+        };
         coefficients.iter().map(|c| (c - mean).powi(2)).sum::<f64>()
     };
     let sizes: Vec<f64> = (0..joints).map(size).collect();
@@ -127,13 +131,14 @@ fn defects(curve: &CurveFit, excess: f64) -> Vec<Defect> {
 
 /// A curve of every joint, drawn.
 fn pictures(curve: &CurveFit) -> Vec<Picture> {
-    const POINTS: usize = 81;
+    // Ten of them a wave, where there are many a turn.
+    const POINTS: usize = 161;
     let place = curve.curves.place;
-    let of_joint = |(joint, knots): (usize, &Option<Knots>)| {
-        let (knots, coefficients) = ((*knots)?, curve.curves.coefficients(&curve.trial, joint)?);
-        let [low, high] = knots.range();
+    let of_joint = |joint: usize| {
+        let (shape, coefficients) = curve.curves.fitted(&curve.trial, joint)?;
+        let [low, high] = shape.range();
         let at: Vec<f64> = (0..POINTS).map(|i| low + (high - low) * i as f64 / (POINTS - 1) as f64).collect();
-        let torque: Vec<f64> = at.iter().map(|x| knots.value(&coefficients, *x)).collect();
+        let torque: Vec<f64> = at.iter().map(|x| shape.value(&coefficients, *x)).collect();
         let mean = torque.iter().sum::<f64>() / POINTS as f64;
         Some(Picture {
             row: place.row(),
@@ -145,7 +150,7 @@ fn pictures(curve: &CurveFit) -> Vec<Picture> {
             score: curve.score,
         })
     };
-    curve.curves.knots.iter().enumerate().filter_map(of_joint).collect()
+    (0..curve.curves.of_joints.len()).filter_map(of_joint).collect()
 }
 
 /// What no data of this robot could show.
