@@ -199,6 +199,21 @@ pub fn vectorised<W: Work>(work: W) -> W::Output {
     work.run(Plain)
 }
 
+/// Runs `f` compiled for the best instruction set that this machine has: for code that the compiler finds the vectors in itself. Only what is inlined
+/// into it gains.
+#[inline(always)]
+pub fn compiled_for_this_machine<R>(f: impl FnOnce() -> R) -> R {
+    struct Plainly<F>(F);
+    impl<R, F: FnOnce() -> R> Work for Plainly<F> {
+        type Output = R;
+        #[inline(always)]
+        fn run<S: Simd>(self, _simd: S) -> R {
+            (self.0)()
+        }
+    }
+    vectorised(Plainly(f))
+}
+
 /// A vector with its token, so that formulas can be written with operators.
 #[derive(Clone, Copy)]
 pub struct Wide<S: Simd> {

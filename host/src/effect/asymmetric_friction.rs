@@ -85,6 +85,7 @@ impl Law for AsymmetryLaw {
 }
 
 impl AsymmetryLaw {
+    #[inline(always)]
     fn act<T: Quantity>(&self, _hook: Hook, at: &At<'_, T>, torque: T) -> T {
         match *at.parameters {
             [dmu, dv] => torque + dmu * at.friction_sign.abs() + dv * at.friction_speed.abs(),

@@ -91,6 +91,7 @@ impl Law for BacklashLaw {
 }
 
 impl BacklashLaw {
+    #[inline(always)]
     fn act<T: Quantity>(&self, _hook: Hook, at: &At<'_, T>, torque: T) -> T {
         let [half_gap] = *at.parameters else { return torque };
         let wind = at.wind();

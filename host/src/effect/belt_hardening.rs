@@ -71,6 +71,7 @@ impl Law for HardeningLaw {
 }
 
 impl HardeningLaw {
+    #[inline(always)]
     fn act<T: Quantity>(&self, _hook: Hook, at: &At<'_, T>, torque: T) -> T {
         let [k3] = *at.parameters else { return torque };
         let wind = at.wind();

@@ -102,6 +102,7 @@ impl Law for HysteresisLaw {
 }
 
 impl HysteresisLaw {
+    #[inline(always)]
     fn act<T: Quantity>(&self, hook: Hook, at: &At<'_, T>, quantity: T) -> T {
         let [k1, tau] = *at.parameters else { return quantity };
         match hook {

@@ -64,6 +64,7 @@ impl Law for SlackSideLaw {
 }
 
 impl SlackSideLaw {
+    #[inline(always)]
     fn act<T: Quantity>(&self, _hook: Hook, at: &At<'_, T>, torque: T) -> T {
         let [ratio] = *at.parameters else { return torque };
         torque + ratio * at.k_s * at.wind().abs()

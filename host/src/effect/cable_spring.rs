@@ -68,6 +68,7 @@ impl Law for CableLaw {
 }
 
 impl CableLaw {
+    #[inline(always)]
     fn act<T: Quantity>(&self, _hook: Hook, at: &At<'_, T>, load: T) -> T {
         let [k_c] = *at.parameters else { return load };
         load + k_c * at.q

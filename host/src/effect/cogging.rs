@@ -81,6 +81,7 @@ impl Law for CoggingLaw {
 }
 
 impl CoggingLaw {
+    #[inline(always)]
     fn act<T: Quantity>(&self, _hook: Hook, at: &At<'_, T>, torque: T) -> T {
         let [along, across] = *at.parameters else { return torque };
         let (sin, cos) = (at.theta * self.per_turn[at.joint]).sin_cos();

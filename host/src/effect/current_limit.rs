@@ -72,6 +72,7 @@ impl Law for LimitLaw {
 }
 
 impl LimitLaw {
+    #[inline(always)]
     fn act<T: Quantity>(&self, _hook: Hook, at: &At<'_, T>, torque: T) -> T {
         let [ceiling] = *at.parameters else { return torque };
         let ceiling = ceiling.exp();

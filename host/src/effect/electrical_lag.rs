@@ -87,6 +87,7 @@ impl Law for LagLaw {
 }
 
 impl LagLaw {
+    #[inline(always)]
     fn act<T: Quantity>(&self, hook: Hook, at: &At<'_, T>, quantity: T) -> T {
         let [time_constant] = *at.parameters else { return quantity };
         match hook {

@@ -152,6 +152,7 @@ impl Law for StopLaw {
 }
 
 impl StopLaw {
+    #[inline(always)]
     fn act<T: Quantity>(&self, _hook: Hook, at: &At<'_, T>, load: T) -> T {
         let [q_max, q_min, k] = *at.parameters else { return load };
         let k = k.exp();

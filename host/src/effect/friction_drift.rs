@@ -74,6 +74,7 @@ impl Law for DriftLaw {
 }
 
 impl DriftLaw {
+    #[inline(always)]
     fn act<T: Quantity>(&self, _hook: Hook, at: &At<'_, T>, torque: T) -> T {
         let [ratio, time_constant] = *at.parameters else { return torque };
         let decay = (-((-time_constant).exp() * at.time_s)).exp();

@@ -78,6 +78,7 @@ impl Law for GravityLaw {
 }
 
 impl GravityLaw {
+    #[inline(always)]
     fn act<T: Quantity>(&self, _hook: Hook, at: &At<'_, T>, load: T) -> T {
         let [along, across] = *at.parameters else { return load };
         let (sin, cos) = at.q.sin_cos();

@@ -71,6 +71,7 @@ impl Law for DelayLaw {
 }
 
 impl DelayLaw {
+    #[inline(always)]
     fn act<T: Quantity>(&self, _hook: Hook, at: &At<'_, T>, duty: T) -> T {
         let _ = at;
         duty

@@ -90,6 +90,7 @@ impl Law for LinkFrictionLaw {
 }
 
 impl LinkFrictionLaw {
+    #[inline(always)]
     fn act<T: Quantity>(&self, _hook: Hook, at: &At<'_, T>, load: T) -> T {
         let [mu, v] = *at.parameters else { return load };
         load + mu * (at.qd * (0.5 * SLOPE_S)).tanh() + v * at.qd

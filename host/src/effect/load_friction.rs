@@ -69,6 +69,7 @@ impl Law for LoadLaw {
 }
 
 impl LoadLaw {
+    #[inline(always)]
     fn act<T: Quantity>(&self, _hook: Hook, at: &At<'_, T>, torque: T) -> T {
         let [a] = *at.parameters else { return torque };
         torque + at.coulomb() * a * at.transmitted.abs()

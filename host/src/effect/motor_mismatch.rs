@@ -99,6 +99,7 @@ impl Law for MismatchLaw {
 }
 
 impl MismatchLaw {
+    #[inline(always)]
     fn act<T: Quantity>(&self, hook: Hook, at: &At<'_, T>, quantity: T) -> T {
         let mut rest = at.parameters;
         let [db, dk_pwm, dk_mi] = std::array::from_fn(|which| {

@@ -73,6 +73,7 @@ impl Law for PositionLaw {
 }
 
 impl PositionLaw {
+    #[inline(always)]
     fn act<T: Quantity>(&self, _hook: Hook, at: &At<'_, T>, torque: T) -> T {
         let [along, across] = *at.parameters else { return torque };
         let (sin, cos) = at.theta.sin_cos();

@@ -71,6 +71,7 @@ impl Law for DeadZoneLaw {
 }
 
 impl DeadZoneLaw {
+    #[inline(always)]
     fn act<T: Quantity>(&self, _hook: Hook, at: &At<'_, T>, duty: T) -> T {
         let [dead_duty] = *at.parameters else { return duty };
         if duty.re().abs() <= dead_duty.re().max(0.0) {

@@ -71,6 +71,7 @@ impl Law for DragLaw {
 }
 
 impl DragLaw {
+    #[inline(always)]
     fn act<T: Quantity>(&self, _hook: Hook, at: &At<'_, T>, load: T) -> T {
         let [c] = *at.parameters else { return load };
         load + c * at.qd * at.qd.abs()

@@ -166,6 +166,7 @@ impl Law for StribeckLaw {
 }
 
 impl StribeckLaw {
+    #[inline(always)]
     fn act<T: Quantity>(&self, hook: Hook, at: &At<'_, T>, quantity: T) -> T {
         let [dmu] = *at.parameters else { return quantity };
         let v = at.friction_speed;

@@ -69,6 +69,7 @@ impl Law for OffsetLaw {
 }
 
 impl OffsetLaw {
+    #[inline(always)]
     fn act<T: Quantity>(&self, _hook: Hook, at: &At<'_, T>, torque: T) -> T {
         let [offset] = *at.parameters else { return torque };
         torque + offset

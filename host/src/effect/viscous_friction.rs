@@ -83,6 +83,7 @@ impl Law for ViscousLaw {
 }
 
 impl ViscousLaw {
+    #[inline(always)]
     fn act<T: Quantity>(&self, _hook: Hook, at: &At<'_, T>, torque: T) -> T {
         torque + self.differences.value(at.joint, at.parameters) * at.thetad
     }

@@ -187,6 +187,7 @@ impl Drive {
     }
 
     /// The same with laws: `volts` is what one unit of input is worth, and the laws' own states get their rates in `rates`.
+    #[inline(always)]
     pub(super) fn with_laws<T: Asked>(
         &self,
         transmission: Transmission,
@@ -270,14 +271,19 @@ pub(super) struct JointLaw<'a> {
 
 impl<'a, T: Asked> JointLaws<'a, T> {
     /// A quantity after all laws.
-    #[inline]
+    #[inline(always)]
     fn ask(&self, hook: Hook, at: &mut At<'a, T>, without: T) -> T {
-        self.laws.iter().filter(|law| law.law.hooks().contains(&hook)).fold(without, |quantity, law| {
-            self.turn_to(law, at);
-            T::ask(law.law, hook, at, quantity)
-        })
+        let mut quantity = without;
+        for law in self.laws {
+            if law.law.hooks().contains(&hook) {
+                self.turn_to(law, at);
+                quantity = T::ask(law.law, hook, at, quantity);
+            }
+        }
+        quantity
     }
 
+    #[inline(always)]
     fn rates(&self, at: &mut At<'a, T>, rates: &mut [T]) {
         for law in self.laws {
             if let Some(state) = law.state {
@@ -288,7 +294,7 @@ impl<'a, T: Asked> JointLaws<'a, T> {
     }
 
     /// Shows a law what is its own.
-    #[inline]
+    #[inline(always)]
     fn turn_to(&self, law: &JointLaw<'_>, at: &mut At<'a, T>) {
         at.parameters = &self.parameters[law.first..law.first + law.count];
         if let Some(state) = law.state {

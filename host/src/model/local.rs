@@ -11,6 +11,7 @@ use super::law::{Asked, Broad, FEW, MANY, Narrow};
 use super::quantity::variable;
 use crate::robot::Transmission;
 use crate::robot::chain::Lanes;
+use solve::simd::compiled_for_this_machine;
 
 /// Lanes: four sides of a transmission and its seven coefficients are all that the base law of one drive depends on …
 pub(super) const COEFFICIENTS: usize = 4;
@@ -55,7 +56,10 @@ impl Drives<FEW, FEW_VARIABLES> for Dynamics<'_> {
         volts: f64,
         rates: &mut [Narrow; FEW_VARIABLES],
     ) -> Action<Narrow> {
-        self.with_laws(i, x, input, volts, rates)
+        compiled_for_this_machine(
+            #[inline(always)]
+            || self.with_laws(i, x, input, volts, rates),
+        )
     }
 }
 
@@ -68,7 +72,10 @@ impl Drives<MANY, MOST_VARIABLES> for Dynamics<'_> {
         volts: f64,
         rates: &mut [Broad; MOST_VARIABLES],
     ) -> Action<Broad> {
-        self.with_laws(i, x, input, volts, rates)
+        compiled_for_this_machine(
+            #[inline(always)]
+            || self.with_laws(i, x, input, volts, rates),
+        )
     }
 }
 
@@ -125,18 +132,20 @@ impl Dynamics<'_> {
     }
 
     /// Sides and coefficients as variables of their lanes.
+    #[inline(always)]
     fn variables<const N: usize>(&self, x: &[f64], u: Lanes<N>, i: usize) -> (Sides<Lanes<N>>, Coefficients<Lanes<N>>) {
         let [q, qd, theta, thetad] = self.sides(x, i);
         let sides =
             Sides { q: variable(q, 0), qd: variable(qd, 1), theta: variable(theta, 2), thetad: variable(thetad, 3), u };
-        let mut lane = COEFFICIENTS - 1;
-        let coefficients = Coefficients::from_array(self.coefficients[i].to_array().map(|c| {
-            lane += 1;
-            variable(c, lane)
-        }));
+        let mut coefficients = [Lanes::from(0.0); Coefficients::<f64>::COUNT];
+        for (k, c) in self.coefficients[i].to_array().into_iter().enumerate() {
+            coefficients[k] = variable(c, COEFFICIENTS + k);
+        }
+        let coefficients = Coefficients::from_array(coefficients);
         (sides, coefficients)
     }
 
+    #[inline(always)]
     fn with_laws<const N: usize, const V: usize>(
         &self,
         i: usize,

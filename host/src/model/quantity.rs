@@ -74,7 +74,7 @@ impl<const N: usize> Quantity for Lanes<N> {
 
     #[inline(always)]
     fn through(self, value: f64, slope: f64) -> Self {
-        Lanes { re: value, slope: self.slope.map(|own| own * slope) }
+        self.map(value, |own| own * slope)
     }
 }
 

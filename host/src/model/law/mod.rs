@@ -282,7 +282,7 @@ pub trait Law: std::fmt::Debug + Send + Sync {
     }
 }
 
-/// The three methods of [`Law`] that ask its joints, from one generic `act`.
+/// The three methods of [`Law`] that ask its joints, from one generic `act`, which is `#[inline(always)]`.
 #[macro_export]
 macro_rules! acts_on_joints {
     () => {
@@ -296,7 +296,10 @@ macro_rules! acts_on_joints {
             at: &$crate::model::law::At<'_, $crate::model::law::Narrow>,
             quantity: $crate::model::law::Narrow,
         ) -> $crate::model::law::Narrow {
-            self.act(hook, at, quantity)
+            solve::simd::compiled_for_this_machine(
+                #[inline(always)]
+                || self.act(hook, at, quantity),
+            )
         }
 
         fn broad(
@@ -305,7 +308,10 @@ macro_rules! acts_on_joints {
             at: &$crate::model::law::At<'_, $crate::model::law::Broad>,
             quantity: $crate::model::law::Broad,
         ) -> $crate::model::law::Broad {
-            self.act(hook, at, quantity)
+            solve::simd::compiled_for_this_machine(
+                #[inline(always)]
+                || self.act(hook, at, quantity),
+            )
         }
     };
 }

@@ -25,13 +25,22 @@ impl<const N: usize> From<f64> for Lanes<N> {
 
 impl<const N: usize> Lanes<N> {
     #[inline(always)]
-    fn map(self, re: f64, slope: impl Fn(f64) -> f64) -> Self {
-        Self { re, slope: self.slope.map(slope) }
+    pub(crate) fn map(self, re: f64, slope: impl Fn(f64) -> f64) -> Self {
+        let mut slopes = [0.0; N];
+        for k in 0..N {
+            slopes[k] = slope(self.slope[k]);
+        }
+        Self { re, slope: slopes }
     }
 
     #[inline(always)]
     fn zip(self, other: Self, re: f64, slope: impl Fn(f64, f64) -> f64) -> Self {
-        Self { re, slope: std::array::from_fn(|k| slope(self.slope[k], other.slope[k])) }
+        // The standard library's maps of arrays are not inlined everywhere, and only what is gets vectors.
+        let mut slopes = [0.0; N];
+        for k in 0..N {
+            slopes[k] = slope(self.slope[k], other.slope[k]);
+        }
+        Self { re, slope: slopes }
     }
 }
 
