@@ -123,11 +123,15 @@ impl Curve {
     }
 
     /// The functions that its coefficients multiply, as (index, value, slope), but for those that are zero at x.
-    #[inline]
+    #[inline(always)]
     fn each(&self, x: f64, mut f: impl FnMut(usize, f64, f64)) {
         match &self.shape {
-            Shape::Spline(knots) => knots.basis(x).into_iter().for_each(|(i, value, slope)| f(i, value, slope)),
-            Shape::Ripple(waves) => waves.basis(x).for_each(|(i, value, slope)| f(i, value, slope)),
+            Shape::Spline(knots) => {
+                for (i, value, slope) in knots.basis(x) {
+                    f(i, value, slope);
+                }
+            }
+            Shape::Ripple(waves) => waves.each(x, f),
         }
     }
 }
@@ -167,7 +171,7 @@ impl Shapeless {
         let Some(curve) = &self.curves[at.joint] else { return torque };
         let x = curve.argument.of(at, curve.gear);
         let mut sum = torque;
-        curve.each(x.re(), |i, value, slope| sum = sum + at.parameters[i] * x.through(value, slope));
+        curve.each(x.re(), |i, value, slope| sum += at.parameters[i] * x.through(value, slope));
         sum
     }
 }
