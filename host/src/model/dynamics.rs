@@ -12,10 +12,10 @@ use num_dual::{Derivative, DualSVec64};
 
 use super::drive::{Action, Coefficients, JointLaw};
 use super::inertia::Inertia;
-use super::law::{FEW, MANY};
+use super::law::{FEW, MANY, SOME};
 use super::laws::OfJoint;
 use super::links::WeightedLinks;
-use super::local::{BASE, COEFFICIENTS, Drives, FEW_VARIABLES, MOST_VARIABLES, OWN, VOLTS};
+use super::local::{BASE, COEFFICIENTS, Drives, FEW_VARIABLES, MOST_VARIABLES, OWN, SOME_VARIABLES, VOLTS};
 use super::sensor::SensorFrame;
 use super::{Input, Model};
 use crate::robot::chain::{Lanes, MAX_JOINTS};
@@ -176,6 +176,7 @@ impl<'m> Dynamics<'m> {
         match self.model.laws.most_variables() {
             0 if self.model.laws.is_empty() => self.linearise_by::<BASE, 0>(x, &input, out),
             0..=FEW_VARIABLES => self.linearise_by::<FEW, FEW_VARIABLES>(x, &input, out),
+            ..=SOME_VARIABLES => self.linearise_by::<SOME, SOME_VARIABLES>(x, &input, out),
             _ => self.linearise_by::<MANY, MOST_VARIABLES>(x, &input, out),
         }
     }

@@ -7,7 +7,7 @@
 use super::Input;
 use super::drive::{Action, Coefficients, JointLaws, Sides};
 use super::dynamics::Dynamics;
-use super::law::{Asked, Broad, FEW, MANY, Narrow};
+use super::law::{Asked, Broad, FEW, MANY, Middling, Narrow, SOME};
 use super::quantity::variable;
 use crate::robot::Transmission;
 use crate::robot::chain::Lanes;
@@ -22,8 +22,10 @@ pub(super) const OWN: usize = VOLTS + 1;
 
 /// Most parameters and states of laws at one joint.
 pub(super) const MOST_VARIABLES: usize = MANY - OWN;
-/// As many of them need few lanes.
+/// As many of them need few lanes, or some.
 pub(super) const FEW_VARIABLES: usize = FEW - OWN;
+/// See there.
+pub(super) const SOME_VARIABLES: usize = SOME - OWN;
 
 /// The action of one drive with derivatives by so many lanes.
 pub(super) trait Drives<const N: usize, const V: usize> {
@@ -56,6 +58,22 @@ impl Drives<FEW, FEW_VARIABLES> for Dynamics<'_> {
         volts: f64,
         rates: &mut [Narrow; FEW_VARIABLES],
     ) -> Action<Narrow> {
+        compiled_for_this_machine(
+            #[inline(always)]
+            || self.with_laws(i, x, input, volts, rates),
+        )
+    }
+}
+
+impl Drives<SOME, SOME_VARIABLES> for Dynamics<'_> {
+    fn drive(
+        &self,
+        i: usize,
+        x: &[f64],
+        input: &Input<'_>,
+        volts: f64,
+        rates: &mut [Middling; SOME_VARIABLES],
+    ) -> Action<Middling> {
         compiled_for_this_machine(
             #[inline(always)]
             || self.with_laws(i, x, input, volts, rates),
@@ -111,6 +129,7 @@ impl Dynamics<'_> {
     ) -> Action<f64> {
         match self.model.laws.most_variables() {
             0..=FEW_VARIABLES => self.rows_by::<FEW, FEW_VARIABLES>(i, (x, input, volts), supply, rows),
+            ..=SOME_VARIABLES => self.rows_by::<SOME, SOME_VARIABLES>(i, (x, input, volts), supply, rows),
             _ => self.rows_by::<MANY, MOST_VARIABLES>(i, (x, input, volts), supply, rows),
         }
     }

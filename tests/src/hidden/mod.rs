@@ -105,6 +105,9 @@ pub struct Outcome {
     pub aliases: Vec<String>,
     /// Equation and joint of the largest defect that has no name.
     pub place: Option<(String, Option<usize>)>,
+    /// What that defect is a function of.
+    #[serde(default)]
+    pub argument: Option<String>,
     /// Whether what is hidden acts there.
     pub is_right_place: bool,
     /// Parameters of hidden effects that were named: how far the estimates lie from the truth, relative to it.
@@ -227,6 +230,7 @@ fn compare(case: &Case, found: &Diagnosis, truth: &[(String, f64)], seconds: f64
         verdict: found.verdict,
         named: found.findings.iter().map(|finding| finding.effect.clone()).collect(),
         aliases: found.findings.iter().flat_map(|finding| finding.aliases.clone()).collect(),
+        argument: place.map(|place| place.argument.clone()),
         place: place.map(|place| (format!("{:?}", place.row).to_lowercase(), place.axis)),
         is_right_place,
         errors: truth.iter().filter_map(error).collect(),

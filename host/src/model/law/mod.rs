@@ -22,10 +22,14 @@ use crate::robot::{Body, Side, Vector3};
 
 /// Few local variables: with its value such a number has 128 bytes, the most that compilers move without a call.
 pub(super) const FEW: usize = 15;
+/// As many as two laws at one joint have, or a curve beside one: six vectors with the value.
+pub(super) const SOME: usize = 23;
 /// Many local variables.
 pub(super) const MANY: usize = 32;
 /// Derivatives of few local variables …
 pub type Narrow = Lanes<FEW>;
+/// … of some …
+pub type Middling = Lanes<SOME>;
 /// … and of many.
 pub type Broad = Lanes<MANY>;
 
@@ -207,6 +211,11 @@ pub trait Law: std::fmt::Debug + Send + Sync {
     }
 
     /// The same with more derivatives.
+    fn middling(&self, _hook: Hook, _at: &At<'_, Middling>, quantity: Middling) -> Middling {
+        quantity
+    }
+
+    /// The same with the most.
     fn broad(&self, _hook: Hook, _at: &At<'_, Broad>, quantity: Broad) -> Broad {
         quantity
     }
@@ -282,7 +291,7 @@ pub trait Law: std::fmt::Debug + Send + Sync {
     }
 }
 
-/// The three methods of [`Law`] that ask its joints, from one generic `act`, which is `#[inline(always)]`.
+/// The methods of [`Law`] that ask its joints, from one generic `act`, which is `#[inline(always)]`.
 #[macro_export]
 macro_rules! acts_on_joints {
     () => {
@@ -296,6 +305,18 @@ macro_rules! acts_on_joints {
             at: &$crate::model::law::At<'_, $crate::model::law::Narrow>,
             quantity: $crate::model::law::Narrow,
         ) -> $crate::model::law::Narrow {
+            solve::simd::compiled_for_this_machine(
+                #[inline(always)]
+                || self.act(hook, at, quantity),
+            )
+        }
+
+        fn middling(
+            &self,
+            hook: $crate::model::law::Hook,
+            at: &$crate::model::law::At<'_, $crate::model::law::Middling>,
+            quantity: $crate::model::law::Middling,
+        ) -> $crate::model::law::Middling {
             solve::simd::compiled_for_this_machine(
                 #[inline(always)]
                 || self.act(hook, at, quantity),
@@ -330,6 +351,12 @@ impl Asked for f64 {
 impl Asked for Narrow {
     fn ask(law: &dyn Law, hook: Hook, at: &At<'_, Self>, quantity: Self) -> Self {
         law.narrow(hook, at, quantity)
+    }
+}
+
+impl Asked for Middling {
+    fn ask(law: &dyn Law, hook: Hook, at: &At<'_, Self>, quantity: Self) -> Self {
+        law.middling(hook, at, quantity)
     }
 }
 
