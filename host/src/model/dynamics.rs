@@ -176,7 +176,7 @@ impl<'m> Dynamics<'m> {
         match self.model.laws.most_variables() {
             0 if self.model.laws.is_empty() => self.linearise_by::<BASE, 0>(x, &input, out),
             0..=FEW_VARIABLES => self.linearise_by::<FEW, FEW_VARIABLES>(x, &input, out),
-            ..=SOME_VARIABLES => self.linearise_by::<SOME, SOME_VARIABLES>(x, &input, out),
+            n if n <= SOME_VARIABLES => self.linearise_by::<SOME, SOME_VARIABLES>(x, &input, out),
             _ => self.linearise_by::<MANY, MOST_VARIABLES>(x, &input, out),
         }
     }

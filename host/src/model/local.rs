@@ -129,7 +129,7 @@ impl Dynamics<'_> {
     ) -> Action<f64> {
         match self.model.laws.most_variables() {
             0..=FEW_VARIABLES => self.rows_by::<FEW, FEW_VARIABLES>(i, (x, input, volts), supply, rows),
-            ..=SOME_VARIABLES => self.rows_by::<SOME, SOME_VARIABLES>(i, (x, input, volts), supply, rows),
+            n if n <= SOME_VARIABLES => self.rows_by::<SOME, SOME_VARIABLES>(i, (x, input, volts), supply, rows),
             _ => self.rows_by::<MANY, MOST_VARIABLES>(i, (x, input, volts), supply, rows),
         }
     }
