@@ -102,7 +102,7 @@ pub struct ChannelGain {
 pub struct Unexplained {
     /// Share of the base model's excess over pure noise.
     pub excess: f64,
-    /// Where it is.
+    /// Where it is: the joints of the best curve first.
     #[serde(rename = "where")]
     pub places: Vec<Defect>,
 }

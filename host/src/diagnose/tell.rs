@@ -67,8 +67,8 @@ pub fn tell(
         });
     }
     let significant = found.left.iter().filter(|curve| curve.p_family < LEVEL && curve.score > 0.0);
+    // The best curve first: what the others have of the same defect is less.
     let mut places: Vec<Defect> = significant.flat_map(|curve| defects(curve, excess)).collect();
-    places.sort_by(|a, b| b.share.total_cmp(&a.share));
     places.retain(|defect| defect.share >= LEAST_SHARE);
     let unexplained = Unexplained { excess: (left / excess).clamp(0.0, 1.0), places };
     let verdict = verdict(found, &findings);
@@ -105,7 +105,7 @@ fn verdict(found: &Search, findings: &[Finding]) -> Verdict {
     }
 }
 
-/// A curve's share by joint, as the curves' own sizes are.
+/// A curve's share by joint, as the curves' own sizes are, the largest first.
 fn defects(curve: &CurveFit, excess: f64) -> Vec<Defect> {
     let place = curve.curves.place;
     let joints = curve.curves.of_joints.len();
@@ -126,7 +126,9 @@ fn defects(curve: &CurveFit, excess: f64) -> Vec<Defect> {
         argument: place.argument.name().to_string(),
         share: (curve.score / excess).clamp(0.0, 1.0) * size / all,
     };
-    sizes.iter().enumerate().map(of_joint).collect()
+    let mut defects: Vec<Defect> = sizes.iter().enumerate().map(of_joint).collect();
+    defects.sort_by(|a, b| b.share.total_cmp(&a.share));
+    defects
 }
 
 /// A curve of every joint, drawn.
