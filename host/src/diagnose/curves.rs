@@ -61,7 +61,7 @@ impl Place {
         }
     }
 
-    /// Curves of all joints over what the states of `trial` cover; of these waves, where the place is a turn.
+    /// Curves of all joints over `ranges` of the argument; of these waves, where the place is a turn.
     fn curves(self, waves: &[u8], ranges: &[[f64; 2]], bench: &Bench<'_>) -> Curves {
         let argument = self.argument;
         let curve = |(joint, range): (usize, &[f64; 2])| {

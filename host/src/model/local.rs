@@ -7,7 +7,7 @@
 use super::Input;
 use super::drive::{Action, Coefficients, JointLaws, Sides};
 use super::dynamics::Dynamics;
-use super::law::{Asked, Broad, FEW, MANY, Middling, Narrow, SOME};
+use super::law::{Asked, FEW, MANY, SOME};
 use super::quantity::variable;
 use crate::robot::Transmission;
 use crate::robot::chain::Lanes;
@@ -49,53 +49,27 @@ impl Drives<BASE, 0> for Dynamics<'_> {
     }
 }
 
-impl Drives<FEW, FEW_VARIABLES> for Dynamics<'_> {
-    fn drive(
-        &self,
-        i: usize,
-        x: &[f64],
-        input: &Input<'_>,
-        volts: f64,
-        rates: &mut [Narrow; FEW_VARIABLES],
-    ) -> Action<Narrow> {
-        compiled_for_this_machine(
-            #[inline(always)]
-            || self.with_laws(i, x, input, volts, rates),
-        )
-    }
+/// Of drives with laws, by so many lanes for so many variables of theirs.
+macro_rules! drives_with_laws {
+    ($($lanes:ident for $variables:ident),*) => {$(
+        impl Drives<$lanes, $variables> for Dynamics<'_> {
+            fn drive(
+                &self,
+                i: usize,
+                x: &[f64],
+                input: &Input<'_>,
+                volts: f64,
+                rates: &mut [Lanes<$lanes>; $variables],
+            ) -> Action<Lanes<$lanes>> {
+                compiled_for_this_machine(
+                    #[inline(always)]
+                    || self.with_laws(i, x, input, volts, rates),
+                )
+            }
+        }
+    )*};
 }
-
-impl Drives<SOME, SOME_VARIABLES> for Dynamics<'_> {
-    fn drive(
-        &self,
-        i: usize,
-        x: &[f64],
-        input: &Input<'_>,
-        volts: f64,
-        rates: &mut [Middling; SOME_VARIABLES],
-    ) -> Action<Middling> {
-        compiled_for_this_machine(
-            #[inline(always)]
-            || self.with_laws(i, x, input, volts, rates),
-        )
-    }
-}
-
-impl Drives<MANY, MOST_VARIABLES> for Dynamics<'_> {
-    fn drive(
-        &self,
-        i: usize,
-        x: &[f64],
-        input: &Input<'_>,
-        volts: f64,
-        rates: &mut [Broad; MOST_VARIABLES],
-    ) -> Action<Broad> {
-        compiled_for_this_machine(
-            #[inline(always)]
-            || self.with_laws(i, x, input, volts, rates),
-        )
-    }
-}
+drives_with_laws!(FEW for FEW_VARIABLES, SOME for SOME_VARIABLES, MANY for MOST_VARIABLES);
 
 impl Dynamics<'_> {
     /// The action of drive i at a state, its laws' own states' rates into `rates`.

@@ -299,36 +299,17 @@ macro_rules! acts_on_joints {
             self.act(hook, at, quantity)
         }
 
-        fn narrow(
+        $crate::acts_on_joints!(narrow by Narrow);
+        $crate::acts_on_joints!(middling by Middling);
+        $crate::acts_on_joints!(broad by Broad);
+    };
+    ($method:ident by $scalar:ident) => {
+        fn $method(
             &self,
             hook: $crate::model::law::Hook,
-            at: &$crate::model::law::At<'_, $crate::model::law::Narrow>,
-            quantity: $crate::model::law::Narrow,
-        ) -> $crate::model::law::Narrow {
-            solve::simd::compiled_for_this_machine(
-                #[inline(always)]
-                || self.act(hook, at, quantity),
-            )
-        }
-
-        fn middling(
-            &self,
-            hook: $crate::model::law::Hook,
-            at: &$crate::model::law::At<'_, $crate::model::law::Middling>,
-            quantity: $crate::model::law::Middling,
-        ) -> $crate::model::law::Middling {
-            solve::simd::compiled_for_this_machine(
-                #[inline(always)]
-                || self.act(hook, at, quantity),
-            )
-        }
-
-        fn broad(
-            &self,
-            hook: $crate::model::law::Hook,
-            at: &$crate::model::law::At<'_, $crate::model::law::Broad>,
-            quantity: $crate::model::law::Broad,
-        ) -> $crate::model::law::Broad {
+            at: &$crate::model::law::At<'_, $crate::model::law::$scalar>,
+            quantity: $crate::model::law::$scalar,
+        ) -> $crate::model::law::$scalar {
             solve::simd::compiled_for_this_machine(
                 #[inline(always)]
                 || self.act(hook, at, quantity),
