@@ -49,6 +49,8 @@ pub struct Settings {
     pub max_iterations: usize,
     /// Most of them while the cost still falls by a fiftieth with each. Default 60, which is none beyond the others.
     pub most_while_falling: usize,
+    /// A search that costs more than this after so many iterations ends there. Default none.
+    pub hopeless: Option<Hopeless>,
     /// Converged when an accepted step changes the cost by less than this share. Default 1e-9.
     pub relative_cost_change: f64,
     /// First damping of the border, relative to its diagonal. Default 1e-4.
@@ -59,11 +61,21 @@ pub struct Settings {
     pub precision: Precision,
 }
 
+/// What a search has to reach, and in how many iterations, to be worth going on with.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Hopeless {
+    /// Iterations.
+    pub after: usize,
+    /// ½ Σ r².
+    pub above: f64,
+}
+
 impl Default for Settings {
     fn default() -> Self {
         Settings {
             max_iterations: 60,
             most_while_falling: 60,
+            hopeless: None,
             relative_cost_change: 1e-9,
             initial_damping: 1e-4,
             threads: std::thread::available_parallelism().map_or(1, |n| n.get().min(2)),
@@ -82,7 +94,7 @@ pub enum Status {
     Almost,
     /// No step reduces the cost, though the quadratic model promises that one should.
     NoProgress,
-    /// The iterations were used up.
+    /// The iterations were used up, or the search was [`Hopeless`].
     IterationLimit,
 }
 
@@ -363,6 +375,9 @@ pub fn minimise<P: LeastSquares>(
             break;
         }
         factor_is_final = false;
+        if settings.hopeless.is_some_and(|hopeless| iterations.len() >= hopeless.after && cost > hopeless.above) {
+            break;
+        }
         let shrinks = promised_before.is_none_or(|before| undamped_promise < SHRINKS * before);
         if state_damping == 0.0 && accepted.kept_its_promise() && undamped_promise < NEAR_PROMISE && shrinks {
             near = Some(undamped_promise);

@@ -22,7 +22,7 @@ use crate::model::law::Law;
 use crate::model::{Layout, Model};
 use crate::robot::{InputUnit, Robot, Symbol};
 use solve::border::Border;
-use solve::levenberg::{self, Settings};
+use solve::levenberg::{self, Hopeless, Settings};
 
 /// A start whose squares are this many times as many as rows is far off.
 const FAR: f64 = 2.0;
@@ -31,8 +31,24 @@ const EASY_ITERATIONS: usize = 8;
 const EASY: f64 = 1e-4;
 /// A search that still falls when its iterations are used up goes on, so many times as far.
 const WHILE_FALLING: usize = 4;
+/// Iterations after which more laws explain more, or never do.
+const HOPELESS: usize = 12;
 /// Searches in which what leaves its range is held at its end.
 const ROUNDS_WITHIN: usize = 3;
+
+/// How long a search goes on.
+#[derive(Debug, Clone, Copy)]
+struct Effort {
+    /// Iterations, if the cost has stopped falling fast by then.
+    iterations: usize,
+    hopeless: Option<Hopeless>,
+}
+
+impl Effort {
+    fn of(iterations: usize) -> Self {
+        Effort { iterations, hopeless: None }
+    }
+}
 
 /// The samples, the noise and what the motion does not determine: all that trials of models have in common.
 pub struct Bench<'a> {
@@ -78,10 +94,10 @@ impl<'a> Bench<'a> {
         // Its states belong to other samples.
         known.states = &[];
         let iterations = bench.settings.max_iterations;
-        let mut base = bench.search(&[], &known, &[], iterations)?;
+        let mut base = bench.search(&[], &known, &[], Effort::of(iterations))?;
         bench.weak = bench.weak_directions(&base)?;
         if !bench.weak.is_empty() {
-            base = bench.search(&[], &known, &[], iterations)?;
+            base = bench.search(&[], &known, &[], Effort::of(iterations))?;
         }
         Ok((bench, base))
     }
@@ -101,7 +117,16 @@ impl<'a> Bench<'a> {
     /// # Errors
     /// A model that cannot be built or solved.
     pub fn fit(&self, laws: &[Arc<dyn Law>], from: &Trial, iterations: usize) -> Result<Trial, CalibrateError> {
-        self.search(laws, &from.known(), &[], iterations)
+        self.search(laws, &from.known(), &[], Effort::of(iterations))
+    }
+
+    /// [`Self::fit`] of laws on top of those of `from`, a trial on this bench. Gives up where they lead to more than they started from.
+    ///
+    /// # Errors
+    /// A model that cannot be built or solved.
+    pub fn fit_on_top(&self, laws: &[Arc<dyn Law>], from: &Trial, iterations: usize) -> Result<Trial, CalibrateError> {
+        let hopeless = Some(Hopeless { after: HOPELESS, above: from.cost });
+        self.search(laws, &from.known(), &[], Effort { iterations, hopeless })
     }
 
     /// Fits the laws of `trial` again from its end, with what no robot can have held at the end of its range. What follows from that may be
@@ -117,7 +142,7 @@ impl<'a> Bench<'a> {
                 break;
             }
             ends.extend(beyond);
-            let next = self.search(&trial.laws, &trial.known(), &ends, iterations)?;
+            let next = self.search(&trial.laws, &trial.known(), &ends, Effort::of(iterations))?;
             trial = next;
         }
         Ok(trial)
@@ -133,7 +158,12 @@ impl<'a> Bench<'a> {
         (values, states): (&Trial, &Trial),
         iterations: usize,
     ) -> Result<Trial, CalibrateError> {
-        self.search(laws, &Known { states: &states.states, layout: &states.layout, ..values.known() }, &[], iterations)
+        self.search(
+            laws,
+            &Known { states: &states.states, layout: &states.layout, ..values.known() },
+            &[],
+            Effort::of(iterations),
+        )
     }
 
     /// The base model as the greater part of the samples shows it; none where `base` explains all of them, or it is no better.
@@ -160,7 +190,7 @@ impl<'a> Bench<'a> {
     ) -> Result<Trial, CalibrateError> {
         let trimmed = from.known();
         let value = |name: &str| (trimmed.value)(name).or_else(|| other.value(name).map(|value| value.estimate));
-        self.search(laws, &Known { value: Box::new(value), ..from.known() }, &[], iterations)
+        self.search(laws, &Known { value: Box::new(value), ..from.known() }, &[], Effort::of(iterations))
     }
 
     /// A bench for the same models on other samples of the robot, under the same noise. For [`Bench::cost_as`]: it knows of no direction that its samples
@@ -261,7 +291,7 @@ impl<'a> Bench<'a> {
         laws: &[Arc<dyn Law>],
         from: &Known<'_>,
         ends: &[Beyond],
-        iterations: usize,
+        Effort { iterations, hopeless }: Effort,
     ) -> Result<Trial, CalibrateError> {
         let model = Model::extended(self.robot, laws.to_vec())?;
         let end = |name: &str| ends.iter().find(|end| end.name == name && end.coordinate.is_some());
@@ -282,7 +312,7 @@ impl<'a> Bench<'a> {
         let start = equilibrium::settled(&problem, start, &self.settings);
         let start = self.eased(&mut problem, start, &held);
         let most_while_falling = WHILE_FALLING * iterations;
-        let settings = Settings { max_iterations: iterations, most_while_falling, ..self.settings.clone() };
+        let settings = Settings { max_iterations: iterations, most_while_falling, hopeless, ..self.settings.clone() };
         let solution = levenberg::minimise(&problem, start, &held, &settings, |i, iteration| {
             tracing::trace!(i, cost = iteration.cost, damping = iteration.damping, trials = iteration.trials, "bench");
         })?;

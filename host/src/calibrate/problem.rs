@@ -21,7 +21,7 @@ use super::row_plan::{GyroRow, RowPlan};
 use super::series::Series;
 use super::wide::Wide;
 use crate::model::fast::Fast;
-use crate::model::{Linear, Model, SensorFrame, SensorLaws, StepSlopes, Stepper};
+use crate::model::{Linear, LinksAt, Model, SensorFrame, SensorLaws, StepSlopes, Stepper};
 use crate::robot::Robot;
 use solve::{LeastSquares, Shape, Stage, Step};
 
@@ -334,10 +334,17 @@ impl<'m> Problem<'m> {
         next
     }
 
-    /// ẋ at a state x within the step from stage k on.
-    pub(super) fn rates(&self, point: &Point<'m>, k: usize, x: &[f64], scratch: &mut Scratch, xdot: &mut [f64]) {
+    /// ẋ at a state x within the step from stage k on, where the links are so.
+    pub(super) fn rates(
+        &self,
+        point: &Point<'m>,
+        k: usize,
+        (x, links): (&[f64], &LinksAt),
+        scratch: &mut Scratch,
+        xdot: &mut [f64],
+    ) {
         let input = self.input(point, k, &mut scratch.late_input);
-        point.dynamics.derivative(x, input, xdot);
+        point.dynamics.derivative_with(x, input, links, xdot);
     }
 
     /// Whether stage k is carried into stage k+1.

@@ -20,11 +20,12 @@ use super::start::Lagging;
 use super::trial::Trial;
 use super::{CalibrateError, extension, start};
 use crate::model::law::Law;
-use crate::model::{Layout, Model};
+use crate::model::{Layout, LinksAt, Model};
 use crate::robot::Side;
 use solve::border::Border;
 use solve::columns::{Entries, ExtraColumns, eliminate};
 use solve::factor::Factor;
+use solve::threads::both;
 use solve::{LeastSquares, RowAt, Stage};
 
 /// By how much a coordinate is moved: torques and angles differ by far more than their rounding, and no law bends within it.
@@ -68,11 +69,13 @@ impl Bench<'_> {
                 (passive(&model) == 0 || passive(&extended) == passive(&model)).then_some(extended)
             })
             .collect();
+        let (left, right) = models.split_at(models.len() / 2);
+        let ask = |models| Asked::of_all(self, (&model, &point), models, trial);
+        let (left, right) = both(self.settings.threads, || ask(left), || ask(right));
         let mut asked = Vec::new();
         let mut columns = Vec::new();
         let mut count = 0;
-        for extended in &models {
-            let one = extended.as_ref().map(|extended| Asked::of(self, &model, &point, extended, trial));
+        for one in left.into_iter().chain(right) {
             let first = count;
             count += one.as_ref().map_or(0, Asked::count);
             columns.push(one.as_ref().map(|_| first..count));
@@ -99,19 +102,34 @@ struct Asked<'m> {
     by_steps: bool,
     /// Whether it changes readings.
     sees: bool,
+    /// Whether the links are the trial's, wherever its coordinates are moved.
+    keeps_links: bool,
     /// Of each component of the trial's state, where it stands in that of this model.
     places: Vec<usize>,
 }
 
 impl<'m> Asked<'m> {
+    /// Of each of these models; none where there is none.
+    fn of_all(
+        bench: &'m Bench<'_>,
+        (base, trial_point): (&Model, &Point<'_>),
+        models: &'m [Option<Model>],
+        trial: &Trial,
+    ) -> Vec<Option<Self>> {
+        let ask = |extended| Asked::of(bench, base, trial_point, extended, trial);
+        models.iter().map(|extended| extended.as_ref().map(ask)).collect()
+    }
+
     fn of(bench: &'m Bench<'_>, base: &Model, trial_point: &Point<'_>, extended: &'m Model, trial: &Trial) -> Self {
         let mut problem = bench.problem(extended);
         let series = bench.series();
         let shared = extension::shared(extended, bench.robot(), series, &trial.known());
         problem.shift_readings(&shared.z);
         let places = places(base.layout(), extended.layout());
-        let fresh = start::with_states(extended, series, shared);
         let added: Vec<usize> = (0..extended.layout().size()).filter(|i| !places.contains(i)).collect();
+        // The trial has all states but those that the law adds.
+        let begin = if added.is_empty() { start::without_states } else { start::with_states };
+        let fresh = begin(extended, series, shared);
         let along = |z: &[f64]| {
             let mut point = Point { z: z.to_vec(), dynamics: extended.at(z), ..fresh.clone() };
             carry(&problem, (trial_point, &places, &added), &mut point);
@@ -124,7 +142,9 @@ impl<'m> Asked<'m> {
             z[c] += MOVED_BY;
             along(&z)
         });
-        let moved = moved.collect();
+        let moved: Vec<Point<'_>> = moved.collect();
+        let all = || moved.iter().chain([&at_start]);
+        let keeps_links = all().all(|point| point.dynamics.has_links_of(&trial_point.dynamics));
         // A law whose coordinates all start at nothing is nothing there; others may be.
         let law = &extended.laws()[trial.laws.len()];
         let coordinates = &law.parameters().coordinates;
@@ -137,6 +157,7 @@ impl<'m> Asked<'m> {
             is_something: coordinates.is_empty() || coordinates.iter().any(|c| c.start != 0.0),
             by_steps: law.euler(),
             sees: sees_gyro || sees_position || moves_bodies,
+            keeps_links,
             problem,
             at_start,
             moved,
@@ -224,6 +245,8 @@ struct Prediction {
     change: Vec<f64>,
     middle: Vec<f64>,
     rates: Vec<f64>,
+    /// The links in the middle of the step.
+    links: LinksAt,
 }
 
 impl Prediction {
@@ -232,6 +255,7 @@ impl Prediction {
         (problem, point, places): (&Problem<'_>, &Point<'_>, &[usize]),
         k: usize,
         (by_steps, sees): (bool, bool),
+        links: Option<&LinksAt>,
         scratch: &mut Scratch,
     ) {
         if sees {
@@ -256,7 +280,11 @@ impl Prediction {
         self.middle.clear();
         self.middle.extend(before.iter().zip(point.state(k + 1)).map(|(a, b)| 0.5 * (a + b)));
         self.rates.resize(before.len(), 0.0);
-        problem.rates(point, k, &self.middle, scratch, &mut self.rates);
+        if links.is_none() {
+            self.links = point.dynamics.links_at(&self.middle);
+        }
+        let links = links.unwrap_or(&self.links);
+        problem.rates(point, k, (&self.middle, links), scratch, &mut self.rates);
         let duration_s = problem.series.duration_s(k);
         self.change.extend(places.iter().map(|&i| duration_s * self.rates[i]));
     }
@@ -287,7 +315,7 @@ impl ExtraColumns<Problem<'_>> for AllColumns<'_, '_> {
             self.rows_by_channel(point, k, base, rows);
             let half_s = 0.5 * self.base.series.duration_s(k);
             let of_trial = (self.base, point, &self.all[..]);
-            trial.fill(of_trial, k, (false, true), base);
+            trial.fill(of_trial, k, (false, true), None, base);
             for ((column, asked), scratch) in self.asked.iter().zip(of_each) {
                 let mut column = *column;
                 let how = (asked.by_steps, asked.sees);
@@ -312,21 +340,22 @@ impl ExtraColumns<Problem<'_>> for AllColumns<'_, '_> {
                     column += 1;
                 };
                 let is_trial = !asked.is_something && asked.places.len() == asked.at_start.dynamics.size();
+                let links = asked.keeps_links.then_some(&trial.links);
                 let trial = if asked.by_steps {
-                    whole_step.fill(of_trial, k, (true, true), base);
+                    whole_step.fill(of_trial, k, (true, true), None, base);
                     &*whole_step
                 } else {
                     &*trial
                 };
                 if !is_trial {
-                    start.fill((&asked.problem, &asked.at_start, &asked.places), k, how, scratch);
+                    start.fill((&asked.problem, &asked.at_start, &asked.places), k, how, links, scratch);
                 }
                 if asked.is_something {
                     add(trial, start, 1.0);
                 }
                 let from = if is_trial { trial } else { &*start };
                 for point in &asked.moved {
-                    moved.fill((&asked.problem, point, &asked.places), k, how, scratch);
+                    moved.fill((&asked.problem, point, &asked.places), k, how, links, scratch);
                     add(from, moved, MOVED_BY);
                 }
             }

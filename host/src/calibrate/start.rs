@@ -56,18 +56,18 @@ pub(super) struct Shared {
 
 /// A first guess of all states for these shared unknowns.
 pub(super) fn with_states<'m>(model: &'m Model, series: &Series, shared: Shared) -> Point<'m> {
-    let Shared { z, rotations, biases } = shared;
-    let mut point = Point {
-        states: vec![0.0; series.stages() * model.layout().size()],
-        dynamics: model.at(&z),
-        z,
-        rotations,
-        biases,
-    };
+    let mut point = without_states(model, series, shared);
     for run in series.segments.clone() {
         fill_run(model, series, run, &mut point);
     }
     point
+}
+
+/// These shared unknowns, with states that are all nothing.
+pub(super) fn without_states<'m>(model: &'m Model, series: &Series, shared: Shared) -> Point<'m> {
+    let Shared { z, rotations, biases } = shared;
+    let states = vec![0.0; series.stages() * model.layout().size()];
+    Point { states, dynamics: model.at(&z), z, rotations, biases }
 }
 
 /// Mean reading of every gyro while no input has been given; the description's start value where there is no such time.

@@ -54,6 +54,11 @@ impl Trial {
         self.values.iter().find(|value| value.name == name)
     }
 
+    /// Whether these are its laws, in this order.
+    pub fn has_laws(&self, laws: &[Arc<dyn Law>]) -> bool {
+        self.laws.len() == laws.len() && self.laws.iter().zip(laws).all(|(a, b)| Arc::ptr_eq(a, b))
+    }
+
     /// Whether every law's parameters are such as a robot can have: within their ranges, but for three standard errors and a twentieth of the
     /// largest of their kind, which what the law leaves of a joint may make. Standard errors are those of residuals that wander as these do: scores
     /// are too large by the inflation, and so is the square of how many errors a parameter lies beyond its range. They grow threefold at most:

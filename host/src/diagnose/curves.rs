@@ -1,13 +1,14 @@
 //! Where curves without a shape are tried, and which of them explain most: the rivals of every name.
 //!
 //! ```text
-//! places ─▶ scan of few samples, smooth curves and single waves ─▶ the best waves become one ripple ─▶ refit of the best
+//! places ─▶ scan of few samples, smooth curves and single waves ─▶ the best waves become one ripple ─▶ refit of the best on few ─▶ and on all
 //! ```
 
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
 use super::found::CurveFit;
+use super::refit::NEAR;
 use super::scan::{Scan, Score};
 use super::shapeless::{self, Argument, Curve, Shape, Shapeless};
 use super::significance::p_of_score;
@@ -19,7 +20,7 @@ use crate::model::law::{Hook, Law};
 
 /// Curves are linear in their coefficients.
 const ITERATIONS: usize = 3;
-/// Curves that are refitted.
+/// Curves that are refitted on few samples.
 const REFITTED: usize = 2;
 /// Most waves a turn that are looked for, and how many of them make a ripple.
 const MOST_WAVES: u8 = 16;
@@ -96,6 +97,10 @@ pub struct Curves {
 }
 
 impl Curves {
+    fn freedom(&self) -> usize {
+        self.law.parameters().coordinates.len()
+    }
+
     /// A joint's curve with its coefficients in a trial that has these curves.
     pub fn fitted(&self, trial: &Trial, joint: usize) -> Option<(&Curve, Vec<f64>)> {
         let curve = self.of_joints[joint].as_ref()?;
@@ -123,7 +128,8 @@ impl Sought {
     }
 }
 
-/// The best curves on top of `current`, best first: places by a scan of few samples, refitted on the samples that decide.
+/// The best curves on top of `current`, best first: places by a scan of few samples, refitted there, and what is not beaten clearly on the samples
+/// that decide.
 ///
 /// # Errors
 /// As a calibration's, of the scan.
@@ -142,22 +148,36 @@ pub fn best_curves(
         PLACES.into_iter().zip(of_places).filter_map(|(place, score)| Some(smooth(place, score.as_ref()?))).collect();
     sought.extend(ripple(of_waves));
     sought.sort_by(|a, b| b.worth().total_cmp(&a.worth()));
-    let fit = |sought: &Sought| {
+    let gained = |(trial, current): (&Trial, &Trial)| 2.0 * (current.cost - trial.cost);
+    let of_few = |sought: Sought| {
+        let curves = sought.place.curves(&sought.waves, &sought.place.ranges(few, on_few), few);
+        let trial =
+            few.fit(&on_top(on_few, &curves), on_few, ITERATIONS).ok().filter(|trial| trial.cost.is_finite())?;
+        Some((sought, gained((&trial, on_few)) - 2.0 * curves.freedom() as f64))
+    };
+    let tried: Vec<_> = sought.into_iter().take(REFITTED).filter_map(of_few).collect();
+    let most = tried.iter().map(|(_, score)| *score).fold(0.0, f64::max);
+    let is_near = |score: f64| score >= NEAR.0 * most || score >= most - NEAR.1;
+    let fit = |(sought, _): (Sought, f64)| {
         let curves = sought.place.curves(&sought.waves, &sought.place.ranges(bench, current), bench);
-        let freedom = curves.law.parameters().coordinates.len();
-        let mut laws = current.laws.clone();
-        laws.push(curves.law.clone());
+        // From the current model, not from few samples: their values may be far from what the states of all of these suit.
+        let laws = on_top(current, &curves);
         let trial = bench.fit(&laws, current, ITERATIONS).ok().filter(|trial| trial.cost.is_finite())?;
-        let gained = 2.0 * (current.cost - trial.cost);
+        let (gained, freedom) = (gained((&trial, current)), curves.freedom());
         let p = p_of_score(gained / current.inflation, freedom.max(sought.chosen_from));
         Some(CurveFit { curves, trial, score: gained - 2.0 * freedom as f64, p_family: scan.p_of_family(p) })
     };
-    let mut fitted: Vec<CurveFit> = sought.iter().take(REFITTED).filter_map(fit).collect();
+    let mut fitted: Vec<CurveFit> = tried.into_iter().filter(|(_, score)| is_near(*score)).filter_map(fit).collect();
     fitted.sort_by(|a, b| b.score.total_cmp(&a.score));
     for curve in &fitted {
         tracing::debug!(place = ?curve.curves.place, score = curve.score, p = curve.p_family, "curve");
     }
     Ok(fitted)
+}
+
+/// The laws of a trial with these curves besides.
+fn on_top(trial: &Trial, curves: &Curves) -> Vec<Arc<dyn Law>> {
+    trial.laws.iter().chain([&curves.law]).cloned().collect()
 }
 
 /// A smooth curve, by what the scan says of it.

@@ -126,7 +126,16 @@ pub fn diagnose(
         if ids.is_empty() {
             break base.clone();
         }
-        let extended = extend_as(robot, &[fitted], &base, (&ids, &found.trial, &bench), &options.settings, |_, _| {})?;
+        let known = (&ids[..], &found.trial, &bench);
+        let extended = extend_as(robot, &[fitted], &base, known, &options.settings, |i, iteration| {
+            tracing::trace!(
+                i,
+                cost = iteration.cost,
+                damping = iteration.damping,
+                trials = iteration.trials,
+                "extended"
+            );
+        })?;
         let Some(law) = found.trial.impossible_in(&extended.calibration) else { break extended };
         // What the whole recording leads where no robot can be stood for something else, and what came in after it was found beside it.
         let impossible = found.cause_of(law);

@@ -28,7 +28,7 @@ const ITERATIONS: usize = 20;
 /// Of a law of events, which starts anew.
 const EVENT_ITERATIONS: usize = 40;
 /// A law whose score on few samples is less than this share of the best one's, and less by so much, is beaten.
-const NEAR: (f64, f64) = (0.5, 24.0);
+pub const NEAR: (f64, f64) = (0.5, 24.0);
 
 /// On top of what laws are refitted, and where.
 pub struct Refit<'a> {
@@ -164,7 +164,7 @@ impl Scanned {
 
 impl Refit<'_> {
     fn on_few_samples(&self, named: Named) -> Scanned {
-        let trial = self.few.fit(&self.with(&named), self.on_few, ITERATIONS).ok();
+        let trial = self.few.fit_on_top(&self.with(&named), self.on_few, ITERATIONS).ok();
         let mut scanned = Scanned::untried(named);
         self.judge(&mut scanned, trial.as_ref(), self.on_few);
         scanned.on_few = trial.filter(|_| scanned.score > 0.0);

@@ -19,6 +19,8 @@ const LEAST_SHARE: f64 = 1e-6;
 /// Draws of a whole catalogue, and their seed.
 const DRAWS: usize = 2_000;
 const SEED: u64 = 1;
+/// Laws that say the same make K singular. So much of each column's own information makes up for it, far below what [`LEAST_SHARE`] lets pass.
+const LOADED: f64 = 1e-9;
 /// Draws that tell a share well enough.
 const ENOUGH: usize = 20;
 
@@ -109,22 +111,25 @@ fn whitening(scores: &Scores, columns: Range<usize>) -> Option<DMatrix<f64>> {
 fn draws(scores: &Scores, laws: &[Option<Score>]) -> Vec<f64> {
     let Some(root) = root(scores) else { return Vec::new() };
     let mut rng = ChaCha8Rng::seed_from_u64(SEED);
-    let mut least: Vec<f64> = (0..DRAWS)
-        .map(|_| {
-            let white = DVector::from_fn(root.ncols(), |_, _| StandardNormal.sample(&mut rng));
-            let gradient = &root * white;
-            let p = |law: &Score| {
-                let part = gradient.rows(law.columns.start, law.columns.len());
-                p_of_score((law.whitening.transpose() * part).norm_squared(), law.freedom)
-            };
-            laws.iter().flatten().map(p).fold(1.0, f64::min)
-        })
-        .collect();
+    let white = DMatrix::from_fn(root.ncols(), DRAWS, |_, _| StandardNormal.sample(&mut rng));
+    let gradients = root * white;
+    // Of laws of equal freedom the largest score has the least p, which is much dearer than a score.
+    let most_free = laws.iter().flatten().map(|law| law.freedom).max().unwrap_or(0);
+    let mut largest = DMatrix::from_element(most_free, DRAWS, f64::NEG_INFINITY);
+    for law in laws.iter().flatten() {
+        let white = law.whitening.transpose() * gradients.rows(law.columns.start, law.columns.len());
+        for (score, largest) in white.column_iter().zip(largest.row_mut(law.freedom - 1).iter_mut()) {
+            *largest = largest.max(score.norm_squared());
+        }
+    }
+    let p = |(freedom, score): (usize, &f64)| if score.is_finite() { p_of_score(*score, freedom) } else { 1.0 };
+    let mut least: Vec<f64> =
+        largest.column_iter().map(|of_draw| (1..).zip(of_draw.iter()).map(p).fold(1.0, f64::min)).collect();
     least.sort_by(f64::total_cmp);
     least
 }
 
-/// R with `R Rᵀ = K`.
+/// R with `R Rᵀ = K`, but for [`LOADED`] on the diagonal.
 fn root(scores: &Scores) -> Option<DMatrix<f64>> {
     let n = scores.gradient.len();
     if n == 0 {
@@ -132,8 +137,16 @@ fn root(scores: &Scores) -> Option<DMatrix<f64>> {
     }
     let scale = DVector::from_fn(n, |i, _| scores.alone[i].max(0.0).sqrt());
     let inverse = |i: usize| if scale[i] > 0.0 { 1.0 / scale[i] } else { 0.0 };
-    let eigen = DMatrix::from_fn(n, n, |i, j| inverse(i) * inverse(j) * scores.information[(i, j)]).symmetric_eigen();
-    Some(DMatrix::from_fn(n, n, |i, j| scale[i] * eigen.eigenvectors[(i, j)] * eigen.eigenvalues[j].max(0.0).sqrt()))
+    let scaled = DMatrix::from_fn(n, n, |i, j| inverse(i) * inverse(j) * scores.information[(i, j)]);
+    let loaded = &scaled + DMatrix::from_diagonal_element(n, n, LOADED);
+    let root = match loaded.cholesky() {
+        Some(factor) => factor.unpack(),
+        None => {
+            let eigen = scaled.symmetric_eigen();
+            &eigen.eigenvectors * DMatrix::from_diagonal(&eigen.eigenvalues.map(|value| value.max(0.0).sqrt()))
+        }
+    };
+    Some(DMatrix::from_diagonal(&scale) * root)
 }
 
 #[cfg(test)]

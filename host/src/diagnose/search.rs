@@ -150,8 +150,10 @@ pub fn search(
                     (Some((first, _)), Some(doubt)) => Some((first, doubt)),
                     (None, Some(doubt)) => Some((Search { refused: Some(refused), left: curves, ..before }, doubt)),
                 };
-                let from = from.as_ref().unwrap_or(&found.trial);
-                on_few = few.fit(&found.laws(), from, FINAL_ITERATIONS)?;
+                on_few = match from {
+                    Some(fitted) if fitted.has_laws(&found.laws()) => fitted,
+                    from => few.fit(&found.laws(), from.as_ref().unwrap_or(&found.trial), FINAL_ITERATIONS)?,
+                };
                 if !is_possible && !on_few.is_possible() {
                     on_few = few.fit_within(&on_few, FINAL_ITERATIONS)?;
                 }

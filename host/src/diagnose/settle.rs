@@ -41,7 +41,9 @@ pub fn accept(
     let Scanned { named, score, p_family, freedom, .. } = best;
     found.accepted.push(Accepted { named, score, p_family, freedom, rivals });
     let from = best.trial.unwrap_or_else(|| found.trial.clone());
-    found.trial = bench.fit(&found.laws(), &from, FINAL_ITERATIONS)?;
+    let trial = bench.fit(&found.laws(), &from, FINAL_ITERATIONS)?;
+    // A search that starts among large residuals leaves its start first, and may end short of it.
+    found.trial = if from.has_laws(&trial.laws) && from.cost < trial.cost { from } else { trial };
     drop_superfluous(bench, found)?;
     swap(bench, found);
     Ok(())

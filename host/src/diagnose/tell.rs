@@ -34,7 +34,10 @@ pub fn tell(
     let mut findings = Vec::new();
     for (place, accepted) in found.accepted.iter().enumerate() {
         let effect = accepted.named.effect;
-        let (_, own) = found.without(bench, place)?;
+        let own = match found.accepted.len() {
+            1 => 2.0 * (base.cost - found.trial.cost),
+            _ => found.without(bench, place)?.1,
+        };
         let parameters: Vec<_> =
             extended.calibration.parameters.iter().filter(|p| is_of(effect, &p.name)).cloned().collect();
         let left_in_place = found.left.iter().filter(|c| c.curves.place.row() == effect.row && c.p_family < LEVEL);

@@ -61,6 +61,21 @@ pub struct Linear {
     frame: SensorFrame,
 }
 
+/// What the links are at one state, whatever drives and laws do.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LinksAt {
+    /// M, m × m by rows.
+    mass: [f64; MAX_JOINTS * MAX_JOINTS],
+    /// c + g.
+    bias: [f64; MAX_JOINTS],
+}
+
+impl Default for LinksAt {
+    fn default() -> Self {
+        LinksAt { mass: [0.0; MAX_JOINTS * MAX_JOINTS], bias: [0.0; MAX_JOINTS] }
+    }
+}
+
 /// The torques on the links besides gravity and speeds, and what rigid joints add to the inertia.
 struct Torques {
     right: [f64; MAX_JOINTS],
@@ -115,12 +130,31 @@ impl<'m> Dynamics<'m> {
 
     /// f(x, u).
     pub fn derivative<'i>(&self, x: &[f64], input: impl Into<Input<'i>>, xdot: &mut [f64]) {
+        self.derivative_with(x, input, &self.links_at(x), xdot);
+    }
+
+    /// The links at a state.
+    pub fn links_at(&self, x: &[f64]) -> LinksAt {
+        let m = self.model.layout.chain();
+        let (q, qd) = (&x[..m], &x[m..2 * m]);
+        let mut links = LinksAt::default();
+        self.links.mass_matrix(q, &mut links.mass[..m * m]);
+        self.links.bias_torque(q, qd, &mut links.bias[..m]);
+        links
+    }
+
+    /// Whether the links are those of other dynamics, whatever drives and laws do: then so is [`Self::links_at`].
+    pub fn has_links_of(&self, other: &Dynamics<'_>) -> bool {
+        self.links.equal(&other.links)
+    }
+
+    /// [`Self::derivative`] where the links at the state are known.
+    pub fn derivative_with<'i>(&self, x: &[f64], input: impl Into<Input<'i>>, links: &LinksAt, xdot: &mut [f64]) {
         let input = input.into();
         let m = self.model.layout.chain();
         let (q, qd) = (&x[..m], &x[m..2 * m]);
-        let mut torques = self.torques(x, &input, xdot);
-        let inertia = self.inertia(q, &torques.rigid_inertia);
-        inertia.solve(m, &mut torques.right);
+        let mut torques = self.torques(x, &input, links, xdot);
+        links.inertia(m, &torques.rigid_inertia).solve(m, &mut torques.right);
         xdot[..m].copy_from_slice(qd);
         xdot[m..2 * m].copy_from_slice(&torques.right[..m]);
         if !self.model.laws.lags.is_empty() {
@@ -140,21 +174,19 @@ impl<'m> Dynamics<'m> {
         let input = input.into();
         let m = self.model.layout.chain();
         let mut xdot = vec![0.0; x.len()];
-        let torques = self.torques(x, &input, &mut xdot);
-        let mut mass = [0.0; MAX_JOINTS * MAX_JOINTS];
-        self.links.mass_matrix(&x[..m], &mut mass[..m * m]);
+        let links = self.links_at(x);
+        let torques = self.torques(x, &input, &links, &mut xdot);
         for (i, out) in out[..m].iter_mut().enumerate() {
-            let by_mass: f64 = mass[i * m..(i + 1) * m].iter().zip(acceleration).map(|(mass, a)| mass * a).sum();
+            let by_mass: f64 = links.mass[i * m..(i + 1) * m].iter().zip(acceleration).map(|(mass, a)| mass * a).sum();
             *out = by_mass + torques.rigid_inertia[i] * acceleration[i] - torques.right[i];
         }
     }
 
     /// The torques on the links; θ̇, θ̈ and the rates of the laws' own states go into `xdot`.
-    fn torques(&self, x: &[f64], input: &Input<'_>, xdot: &mut [f64]) -> Torques {
+    fn torques(&self, x: &[f64], input: &Input<'_>, links: &LinksAt, xdot: &mut [f64]) -> Torques {
         let layout = &self.model.layout;
         let (n, m) = (layout.joints(), layout.chain());
-        let (q, qd) = (&x[..m], &x[m..2 * m]);
-        let mut torques = self.passive(q, qd);
+        let mut torques = self.passive(&x[..m], &x[m..2 * m], links);
         let volts = self.supply(x, input).map_or(self.model.drives[0].input_scale, |volts| volts.re);
         for i in 0..n {
             let mut rates = [0.0; MOST_VARIABLES];
@@ -192,7 +224,8 @@ impl<'m> Dynamics<'m> {
         out.slopes.clear();
         out.slopes.resize(size * columns, 0.0);
         let (q, qd) = (&x[..m], &x[m..2 * m]);
-        let mut torques = self.passive(q, qd);
+        let links = self.links_at(x);
+        let mut torques = self.passive(q, qd, &links);
         let mut volts = self.model.drives[0].input_scale;
         if let Some(supply) = self.supply(x, input) {
             volts = supply.re;
@@ -220,7 +253,7 @@ impl<'m> Dynamics<'m> {
                 self.scatter(i, &rate.slope, &out.supply, row);
             }
         }
-        let inertia = self.inertia(q, &torques.rigid_inertia);
+        let inertia = links.inertia(m, &torques.rigid_inertia);
         inertia.solve(m, &mut torques.right);
         let acceleration = &torques.right[..m];
         out.xdot[..m].copy_from_slice(qd);
@@ -317,12 +350,8 @@ impl<'m> Dynamics<'m> {
     }
 
     /// −(c + g) and the passive joints' springs and dampers.
-    fn passive(&self, q: &[f64], qd: &[f64]) -> Torques {
-        let mut right = [0.0; MAX_JOINTS];
-        self.links.bias_torque(q, qd, &mut right[..q.len()]);
-        for torque in &mut right {
-            *torque = -*torque;
-        }
+    fn passive(&self, q: &[f64], qd: &[f64], links: &LinksAt) -> Torques {
+        let mut right = links.bias.map(|bias| -bias);
         for &Passive { joint: i, stiffness, damping, .. } in &self.passive {
             right[i] -= stiffness * q[i] + damping * qd[i];
         }
@@ -333,12 +362,12 @@ impl<'m> Dynamics<'m> {
         let layout = &self.model.layout;
         [x[layout.q(i)], x[layout.qd(i)], x[layout.theta(i)], x[layout.thetad(i)]]
     }
+}
 
-    /// A = M(q) + b of the rigid joints, factorised.
-    fn inertia(&self, q: &[f64], rigid_inertia: &[f64; MAX_JOINTS]) -> Inertia {
-        let m = q.len();
-        let mut matrix = [0.0; MAX_JOINTS * MAX_JOINTS];
-        self.links.mass_matrix(q, &mut matrix[..m * m]);
+impl LinksAt {
+    /// A = M + b of the rigid joints, factorised.
+    fn inertia(&self, m: usize, rigid_inertia: &[f64; MAX_JOINTS]) -> Inertia {
+        let mut matrix = self.mass;
         for i in 0..m {
             matrix[i * m + i] += rigid_inertia[i];
         }

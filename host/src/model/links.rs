@@ -91,6 +91,12 @@ impl Links {
 }
 
 impl WeightedLinks<'_> {
+    /// Whether M, c and g are those of others at every q and q̇.
+    pub(super) fn equal(&self, others: &WeightedLinks<'_>) -> bool {
+        let same = |(a, b): (&Term<'_>, &Term<'_>)| a.weight == b.weight && a.chain == b.chain;
+        self.terms.len() == others.terms.len() && self.terms.iter().zip(&others.terms).all(same)
+    }
+
     /// M(q), m × m by rows.
     pub(super) fn mass_matrix(&self, q: &[f64], out: &mut [f64]) {
         let [only] = &self.terms[..] else {

@@ -29,7 +29,7 @@ mod supply;
 #[cfg(test)]
 mod tests;
 
-pub use dynamics::{Dynamics, Linear};
+pub use dynamics::{Dynamics, Linear, LinksAt};
 pub use input::Input;
 pub use integrator::{Integrator, StepSlopes, Stepper};
 pub use parameters::{Coordinate, Coordinates};

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::super::levenberg::{Settings, Status, minimise};
+use super::super::levenberg::{Hopeless, Settings, Status, minimise};
 use super::super::{LeastSquares, Shape, Stage, Step};
 
 /// Σ over stages of ½ (1 + ½ c p²)² + ½ p², and a state that is known: its curvature in p is 1 + c times that of the matrix JᵀJ.
@@ -73,6 +73,20 @@ fn a_search_goes_on_while_the_cost_falls() {
     // Where it hardly falls any more the search ends, long before its bound. Measured: 22, to p = 1e-4.
     let (all, p) = iterations(60);
     assert!((18..=26).contains(&all) && p.abs() < 1e-2, "{all} iterations, p = {p:e}");
+}
+
+#[test]
+fn a_search_that_costs_too_much_after_some_iterations_is_given_up() {
+    let problem = Bent { stages: 10, bend: 0.73 };
+    let iterations = |above| {
+        let settings = Settings { hopeless: Some(Hopeless { after: 5, above }), ..Settings::default() };
+        let solution = minimise(&problem, (vec![0.5; 10], 1e6), &[], &settings, |_, _| {}).unwrap();
+        (solution.iterations.len(), solution.status)
+    };
+    // p is halved by every step at best: after five of them 10 · ½ (½ c p²)² is 6e19 at least, and it goes to less than 7 in the end.
+    assert_eq!(iterations(1e19), (5, Status::IterationLimit));
+    let (all, status) = iterations(1e24);
+    assert!((18..=26).contains(&all) && status == Status::Converged, "{all} iterations, {status:?}");
 }
 
 /// A hundred states with ½ (x − 1)², then one for each of `BENDS` with ½ (1 + ½ c x²)² + ½ x², beside a shared unknown that is known.
