@@ -227,3 +227,23 @@ fn argument_of(bench: &Bench<'_>, trial: &Trial, k: usize, joint: usize, argumen
         Argument::Time => bench.series().time_s(k),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_ripple_is_of_the_best_waves_and_counts_all_that_it_was_chosen_from() {
+        // Sixteen waves of sine and cosine at three joints, the fifth of which this motion does not show.
+        let mut scores: Vec<Option<Score>> = (0..MOST_WAVES).map(|_| Some(Score::told(6.0, 6))).collect();
+        scores[4] = None;
+        for (wave, score) in [(3, 40.0), (7, 900.0), (12, 80.0), (14, 30.0), (16, 20.0)] {
+            scores[wave - 1] = Some(Score::told(score, 6));
+        }
+        let sought = ripple(&scores).unwrap();
+        assert_eq!(sought.waves, [7, 12, 3, 14]);
+        assert_eq!((sought.place, sought.score, sought.freedom), (TURN, 1050.0, 24));
+        assert_eq!(sought.chosen_from, 90);
+        assert!(ripple(&vec![None; 16]).is_none());
+    }
+}

@@ -41,6 +41,15 @@ pub struct Score {
     columns: Range<usize>,
 }
 
+#[cfg(test)]
+impl Score {
+    /// Of a law of which the scan says no more.
+    pub(super) fn told(score: f64, freedom: usize) -> Self {
+        let whitening = DMatrix::zeros(freedom, freedom);
+        Score { score, freedom, p: p_of_score(score, freedom), vif: 1.0, z: Vec::new(), whitening, columns: 0..freedom }
+    }
+}
+
 /// A scan of many laws.
 #[derive(Debug, Clone)]
 pub struct Scan {

@@ -3,6 +3,7 @@
 use rand::{RngExt, SeedableRng, rngs::StdRng};
 
 use super::{Integrator, Linear, Model, SensorFrame, StepSlopes, Stepper};
+use crate::effect::Effect;
 use crate::robot::Robot;
 
 /// Doggy; the same with a rigid pitch joint, known b and Coriolis terms; the one-joint robot.
@@ -187,5 +188,31 @@ fn doggy_obeys_the_printed_equations() {
         assert_close(torque[i], -tau_c, 1e-11, 1e-12, "(5)");
         assert_close(xdot[i], qd, 0.0, 0.0, "q");
         assert_close(xdot[6 + i], thetad, 0.0, 0.0, "theta");
+    }
+}
+
+#[test]
+fn links_are_known_from_another_model_where_a_law_leaves_them_alone() {
+    let robot = Robot::builtin("doggy").unwrap();
+    let base = Model::new(&robot);
+    let (x, u) = random_point(&base, 5);
+    let of_base = base.at(&base.coordinates().start());
+    for (id, is_same) in [("viscous_friction", true), ("backlash", true), ("link_inertia", false), ("coriolis", false)]
+    {
+        let law = Effect::by_id(id).unwrap().laws(&robot).unwrap().swap_remove(0);
+        let model = Model::extended(&robot, vec![law]).unwrap();
+        let mut z = model.coordinates().start();
+        for value in &mut z[base.coordinates().len()..] {
+            *value += 0.01;
+        }
+        let dynamics = model.at(&z);
+        assert_eq!(dynamics.has_links_of(&of_base), is_same, "{id}");
+        assert_eq!(dynamics.links_at(&x) == of_base.links_at(&x), is_same, "{id}");
+        if is_same {
+            let (mut own, mut known) = (vec![0.0; x.len()], vec![0.0; x.len()]);
+            dynamics.derivative(&x, &u[..], &mut own);
+            dynamics.derivative_with(&x, &u[..], &of_base.links_at(&x), &mut known);
+            assert_eq!(own, known, "{id}: bit for bit");
+        }
     }
 }
