@@ -10,13 +10,11 @@
 //! step of Δt and two of Δt/2 (the integrator's error), and a random push on the velocities of standard deviation
 //! [`velocity_sigma`](ProcessNoise::velocity_sigma) a period. How large the latter is depends on how well the model fits
 //! the robot, so it is the one of [`CANDIDATES`] under which the readings are most likely. That one number is chosen
-//! from windows of the whole recording; the states are not.
+//! from the whole recording; the states are not.
 //!
 //! **Gaps.** Over a gap up to [`BRIDGED_S`] the filter predicts with the last known input and as much uncertainty as an
 //! unknown input brings; after a longer one it starts anew. States count as settled [`SETTLING_S`] after a start and
 //! [`SETTLING_AFTER_BRIDGE_S`] after a bridge.
-
-use std::ops::Range;
 
 use nalgebra::{DMatrix, DVector};
 
@@ -30,10 +28,6 @@ pub const SETTLING_S: f64 = 0.1;
 
 /// The same after a gap that was bridged, s: the state is known but for what an unknown input did meanwhile.
 pub const SETTLING_AFTER_BRIDGE_S: f64 = 0.02;
-
-/// Windows that the process noise is chosen from, and samples of each, where a recording is long.
-const WINDOWS: usize = 8;
-const WINDOW: usize = 1_500;
 
 /// Standard deviations tried for the random push on each velocity in one period, rad/s (m/s).
 pub const CANDIDATES: [f64; 6] = [1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1];
@@ -79,40 +73,10 @@ impl Track {
     }
 }
 
-/// Runs the filter with the process noise of [`CANDIDATES`] that makes the readings most likely, those of some windows where the recording is long.
+/// Runs the filter with the process noise of [`CANDIDATES`] that makes the readings most likely.
+///
+/// Candidates are tried from the least on, two at a time, until they get less likely.
 pub fn run<S: System>(system: &S, columns: &Columns<'_>) -> Track {
-    let windows = windows(&columns.segments);
-    let is_whole = windows == columns.segments;
-    let best = most_likely(system, &Columns { segments: windows, ..columns.clone() });
-    if is_whole { best } else { run_with(system, columns, best.noise) }
-}
-
-/// Windows spread over these segments, or the segments themselves where they are hardly longer.
-fn windows(segments: &[Range<usize>]) -> Vec<Range<usize>> {
-    let samples: usize = segments.iter().map(Range::len).sum();
-    if samples <= 2 * WINDOWS * WINDOW {
-        return segments.to_vec();
-    }
-    let every = samples / WINDOWS;
-    let mut before = 0;
-    let mut windows = Vec::new();
-    for segment in segments {
-        // Samples of all segments in a row, of which every so often a window is taken.
-        let first = before / every;
-        for window in first..=(before + segment.len()) / every {
-            let from = (window * every).max(before);
-            let to = (window * every + WINDOW).min(before + segment.len());
-            if from < to {
-                windows.push(segment.start + from - before..segment.start + to - before);
-            }
-        }
-        before += segment.len();
-    }
-    windows
-}
-
-/// The run of the candidate that makes the readings most likely. Candidates are tried from the least on, two at a time, until they get less likely.
-fn most_likely<S: System>(system: &S, columns: &Columns<'_>) -> Track {
     let mut best: Option<Track> = None;
     for pair in CANDIDATES.chunks(2) {
         let tracks: Vec<Track> = std::thread::scope(|scope| {
@@ -353,28 +317,5 @@ impl<'a, S: System> Filter<'a, S> {
         self.system.step(before, &other, dt_s, &mut w.next);
         let effect = DVector::from_iterator(self.x.len(), w.next.iter().zip(self.x.iter()).map(|(a, b)| a - b));
         self.p.ger(1.0, &effect, &effect, 1.0);
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn windows_of_a_long_recording_lie_within_its_segments_and_few_samples_are_taken_whole() {
-        let short = vec![0..9_000, 9_100..14_000];
-        assert_eq!(windows(&short), short);
-        let long = vec![0..30_000, 30_500..31_000, 40_000..90_000];
-        let windows = windows(&long);
-        let samples: usize = windows.iter().map(Range::len).sum();
-        assert!((WINDOWS * WINDOW - WINDOW..=WINDOWS * WINDOW + WINDOW).contains(&samples), "{windows:?}");
-        for pair in windows.windows(2) {
-            assert!(pair[0].end <= pair[1].start, "{windows:?}");
-        }
-        for window in &windows {
-            assert!(long.iter().any(|s| s.start <= window.start && window.end <= s.end), "{windows:?}");
-        }
-        // From the whole of it.
-        assert!(windows[0].start == 0 && windows.last().is_some_and(|last| last.start > 70_000), "{windows:?}");
     }
 }
