@@ -156,7 +156,8 @@ pub fn best_curves(
         Some((sought, gained((&trial, on_few)) - 2.0 * curves.freedom() as f64))
     };
     let tried: Vec<_> = sought.into_iter().take(REFITTED).filter_map(of_few).collect();
-    let most = tried.iter().map(|(_, score)| *score).fold(0.0, f64::max);
+    // The best is refitted whatever its score: few samples may not hold what it explains.
+    let most = tried.iter().map(|(_, score)| *score).fold(f64::NEG_INFINITY, f64::max);
     let is_near = |score: f64| score >= NEAR.0 * most || score >= most - NEAR.1;
     let fit = |(sought, _): (Sought, f64)| {
         let curves = sought.place.curves(&sought.waves, &sought.place.ranges(bench, current), bench);
