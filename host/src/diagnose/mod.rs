@@ -14,6 +14,7 @@ mod axes;
 mod bootstrap;
 mod candidate;
 mod curves;
+mod event_time;
 mod found;
 mod gain;
 mod margin;

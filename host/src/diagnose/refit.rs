@@ -4,7 +4,8 @@
 //! scan ─▶ the best four and their alias class ─▶ on few samples, to the end ─▶ those near the best ─▶ on the samples that decide
 //! ```
 //!
-//! Laws of events start from what the recording shows of them ([`Events`]) and come first: few samples may not hold the event.
+//! Laws of events start from what the recording shows of them ([`Events`]) and come first: few samples may not hold the event. One that is so
+//! small that only the scan shows it is timed by scores (`event_time`).
 //!
 //! A scan is a tangent; where an effect is large the fit ends far from it, and in another order. Most laws are beaten clearly on few samples
 //! already, at a third of the cost.
@@ -14,6 +15,7 @@ use std::sync::Arc;
 use super::LEVEL;
 use super::axes::{axes, is_of};
 use super::candidate::Candidate;
+use super::event_time::timed;
 use super::found::{Named, Scanned, Search, laws};
 use super::scan::Scan;
 use super::significance::{p_of_family, p_of_score};
@@ -113,7 +115,11 @@ fn best_of_scan(on: &Refit<'_>, scanned: Vec<Scanned>) -> Vec<Scanned> {
     let wanted = |place: usize, s: &Scanned| place < BEST || are_alike(best, s.named.effect);
     let found = scanned.into_iter().filter(|s| s.p_family < LEVEL).enumerate();
     let (first, others): (Vec<_>, Vec<_>) = found.partition(|(place, s)| wanted(*place, s));
-    let try_it = |(_, s): (usize, Scanned)| if on.few_tell { on.on_few_samples(s.named) } else { on.at_once(s.named) };
+    let try_it = |(_, s): (usize, Scanned)| {
+        // Few samples may not hold the event.
+        let named = timed(on.bench, &on.found.trial, s.named);
+        if on.few_tell { on.on_few_samples(named) } else { on.at_once(named) }
+    };
     let mut refitted: Vec<Scanned> = first.into_iter().map(try_it).collect();
     // A fit may end far from the tangent: what the best may be taken for then is tried too.
     if let Some(best) = refitted.iter().max_by(|a, b| a.score.total_cmp(&b.score)).map(|best| best.named.effect) {

@@ -127,6 +127,14 @@ impl Law for SkipLaw {
         jumps.into_iter().take(MOST_JOINTS).map(law).collect()
     }
 
+    fn later(&self, by_s: f64) -> Option<Arc<dyn Law>> {
+        let SkipLaw { joint, width_s, sharp_s, .. } = *self;
+        let [step, time] = &self.parameters.coordinates[..] else { return None };
+        let at = [step.start, time.start + by_s];
+        let parameters = parameters(self.parameters.cleared(), joint, at, width_s);
+        Some(Arc::new(SkipLaw { parameters, joint, width_s, sharp_s }))
+    }
+
     fn sharp(&self) -> Option<Arc<dyn Law>> {
         let SkipLaw { joint, sharp_s, .. } = *self;
         let law = || -> Arc<dyn Law> {

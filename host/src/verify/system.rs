@@ -2,6 +2,8 @@
 
 use std::ops::Range;
 
+use solve::simd::{LANES, Quad};
+
 /// A system x_{k+1} = f(x_k, u_k, Δt), z_k = h(x_k) with Jacobians.
 ///
 /// All slices have the lengths that [`states`](Self::states) and [`outputs`](Self::outputs) say; matrices are row-major.
@@ -23,6 +25,16 @@ pub trait System: Clone + Send {
     /// [`Self::step`] with ∂next/∂x (states × states).
     fn step_jacobian(&mut self, x: &[f64], u: &[f64], dt_s: f64, next: &mut [f64], jacobian: &mut [f64]);
 
+    /// [`Self::step`] of four states at once, by [`Four::step_each`] where a system has no faster way.
+    fn step_four(&mut self, four: &Four, next: &mut [Quad]) {
+        four.step_each(self, next);
+    }
+
+    /// [`Self::step_jacobian`] of four states, likewise.
+    fn step_jacobian_four(&mut self, four: &Four, next: &mut [Quad], jacobian: &mut [Quad]) {
+        four.step_jacobian_each(self, next, jacobian);
+    }
+
     /// The outputs without noise. `u` is in force after the sample: sensors may be read a little later than the state.
     fn outputs_of(&mut self, x: &[f64], u: &[f64], outputs: &mut [f64]);
 
@@ -35,6 +47,61 @@ pub trait System: Clone + Send {
     /// What is known of the state from the readings of one tick alone (NaN: no reading): mean, and standard deviation
     /// of each state.
     fn first_guess(&mut self, readings: &[f64]) -> (Vec<f64>, Vec<f64>);
+}
+
+/// Four states on their way, a lane each.
+#[derive(Debug, Clone)]
+pub struct Four {
+    /// The states, one quad a component.
+    pub x: Vec<Quad>,
+    /// Their inputs.
+    pub u: Vec<Quad>,
+    /// The time of each, s: see [`System::at_time`].
+    pub time_s: Quad,
+    /// How long the step takes, s.
+    pub dt_s: Quad,
+}
+
+impl Four {
+    /// All zero.
+    pub fn new(states: usize, inputs: usize) -> Self {
+        let zero = Quad::default();
+        Four { x: vec![zero; states], u: vec![zero; inputs], time_s: zero, dt_s: zero }
+    }
+
+    /// [`System::step`] of one state after the other.
+    pub fn step_each<S: System>(&self, system: &mut S, next: &mut [Quad]) {
+        let mut own = vec![0.0; next.len()];
+        for lane in 0..LANES {
+            system.at_time(self.time_s.0[lane]);
+            system.step(&lane_of(&self.x, lane), &lane_of(&self.u, lane), self.dt_s.0[lane], &mut own);
+            set_lane(next, lane, &own);
+        }
+    }
+
+    /// [`System::step_jacobian`] of one state after the other.
+    pub fn step_jacobian_each<S: System>(&self, system: &mut S, next: &mut [Quad], jacobian: &mut [Quad]) {
+        let (mut own, mut slopes) = (vec![0.0; next.len()], vec![0.0; jacobian.len()]);
+        for lane in 0..LANES {
+            system.at_time(self.time_s.0[lane]);
+            let (x, u) = (lane_of(&self.x, lane), lane_of(&self.u, lane));
+            system.step_jacobian(&x, &u, self.dt_s.0[lane], &mut own, &mut slopes);
+            set_lane(next, lane, &own);
+            set_lane(jacobian, lane, &slopes);
+        }
+    }
+}
+
+/// One lane of quads.
+pub fn lane_of(quads: &[Quad], lane: usize) -> Vec<f64> {
+    quads.iter().map(|quad| quad.0[lane]).collect()
+}
+
+/// Sets one lane of quads.
+pub fn set_lane(quads: &mut [Quad], lane: usize, values: &[f64]) {
+    for (quad, value) in quads.iter_mut().zip(values) {
+        quad.0[lane] = *value;
+    }
 }
 
 /// A recording as columns of numbers.

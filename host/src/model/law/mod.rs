@@ -172,6 +172,11 @@ pub trait Law: std::fmt::Debug + Send + Sync {
         Vec::new()
     }
 
+    /// The same law started from an event so much later, s; none of laws that have no time.
+    fn later(&self, _by_s: f64) -> Option<Arc<dyn Law>> {
+        None
+    }
+
     /// The same law with the corners of [`starts`](Self::starts), which a search from afar would not get over. None where it has them, or none.
     fn sharp(&self) -> Option<Arc<dyn Law>> {
         None

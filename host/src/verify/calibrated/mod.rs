@@ -1,5 +1,6 @@
 //! A calibrated robot as the filter and the runs see it: its dynamics, its sensors, their Jacobians.
 
+mod four;
 mod system;
 
 pub use system::CalibratedSystem;
@@ -8,6 +9,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::VerifyError;
 use crate::calibrate::{Calibration, extension};
+use crate::model::fast::{Fast, StepQuads};
 use crate::model::rotation::boxplus;
 use crate::model::{Integrator, Linear, Model, SensorFrame, SensorLaws, StepSlopes, Stepper};
 use crate::robot::{Channel, ChannelKind, ParameterSpec, Robot, Symbol};
@@ -26,6 +28,8 @@ pub struct CalibratedModel {
     biases: Vec<Vector3<f64>>,
     integrator: Integrator,
     sensor_laws: SensorLaws,
+    /// The kernel that steps four states at once, where it covers the model.
+    fast: Option<Fast>,
 }
 
 impl CalibratedModel {
@@ -97,7 +101,8 @@ impl CalibratedModel {
             .map(|(gyro, delta)| boxplus(&Matrix3::from_fn(|i, j| gyro.rotation[i][j]), delta))
             .collect();
         let sensor_laws = SensorLaws::of(&model, robot.gyros().count());
-        Ok(Self { channels: robot.channels(), robot, model, z, rotations, biases, integrator, sensor_laws })
+        let fast = Fast::of(&model);
+        Ok(Self { channels: robot.channels(), robot, model, z, rotations, biases, integrator, sensor_laws, fast })
     }
 
     /// The inputs `[joint][k]` as they act on the motors: late, where the model says so.
@@ -141,10 +146,12 @@ impl CalibratedModel {
             dynamics: self.model.at(&self.z),
             stepper: Stepper::new(self.integrator),
             slopes: StepSlopes::default(),
+            quads: StepQuads::default(),
             linear: Linear::default(),
             frame: SensorFrame::default(),
             late: vec![0.0; self.model.layout().size()],
             late_jacobian: Vec::new(),
+            row: vec![0.0; self.model.layout().size()],
             time_s: 0.0,
         }
     }

@@ -2,10 +2,13 @@
 
 use nalgebra::{DMatrix, DVector, Vector3};
 
-use super::super::system::System;
+use super::super::system::{Four, System};
 use super::CalibratedModel;
+use super::four;
+use crate::model::fast::StepQuads;
 use crate::model::{Dynamics, Input, Linear, SensorFrame, StepSlopes, Stepper};
 use crate::robot::{ChannelKind, Side};
+use solve::simd::Quad;
 
 /// The inputs, already as late as they act, at a time.
 fn held(u: &[f64], time_s: f64) -> Input<'_> {
@@ -19,11 +22,14 @@ pub struct CalibratedSystem<'m> {
     pub(super) dynamics: Dynamics<'m>,
     pub(super) stepper: Stepper,
     pub(super) slopes: StepSlopes,
+    pub(super) quads: StepQuads,
     pub(super) linear: Linear,
     pub(super) frame: SensorFrame,
     /// The state at the instant of a reading, and its derivatives by the state of the sample.
     pub(super) late: Vec<f64>,
     pub(super) late_jacobian: Vec<f64>,
+    /// The gradient of one reading by it.
+    pub(super) row: Vec<f64>,
     pub(super) time_s: f64,
 }
 
@@ -64,7 +70,7 @@ impl CalibratedSystem<'_> {
         let n = x.len();
         let joints = calibrated.model.layout().chain();
         let mut read_at = f64::NAN;
-        let mut row = vec![0.0; n];
+        let mut row = std::mem::take(&mut self.row);
         for (i, channel) in calibrated.channels.iter().enumerate() {
             if channel.offset_s != read_at {
                 read_at = channel.offset_s;
@@ -118,6 +124,7 @@ impl CalibratedSystem<'_> {
                 }
             }
         }
+        self.row = row;
     }
 
     fn gyro_under_laws(&self, gyro: usize) -> bool {
@@ -227,6 +234,24 @@ impl System for CalibratedSystem<'_> {
         let rows = self.slopes.slopes.chunks_exact(self.dynamics.columns());
         for (row, slopes) in jacobian.chunks_exact_mut(n).zip(rows) {
             row.copy_from_slice(&slopes[..n]);
+        }
+    }
+
+    fn step_four(&mut self, of: &Four, next: &mut [Quad]) {
+        let calibrated = self.calibrated;
+        let Some(fast) = &calibrated.fast else { return of.step_each(self, next) };
+        four::step::<false>((fast, &self.dynamics, calibrated.integrator), of, &mut self.quads);
+        next.copy_from_slice(&self.quads.next);
+    }
+
+    fn step_jacobian_four(&mut self, of: &Four, next: &mut [Quad], jacobian: &mut [Quad]) {
+        let calibrated = self.calibrated;
+        let Some(fast) = &calibrated.fast else { return of.step_jacobian_each(self, next, jacobian) };
+        four::step::<true>((fast, &self.dynamics, calibrated.integrator), of, &mut self.quads);
+        next.copy_from_slice(&self.quads.next);
+        let rows = self.quads.slopes.chunks_exact(self.dynamics.columns());
+        for (row, slopes) in jacobian.chunks_exact_mut(next.len()).zip(rows) {
+            row.copy_from_slice(&slopes[..next.len()]);
         }
     }
 
