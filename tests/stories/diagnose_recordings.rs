@@ -1,6 +1,7 @@
 //! Recordings of an independent simulator, imported and diagnosed by the binary: what is hidden in them, and how large it is, stands in their
 //! README. One of them is the riddle of the paper: belts that read far too soft on a robot whose base gives way.
 
+use std::ops::Range;
 use std::path::Path;
 
 use serde_json::Value;
@@ -23,8 +24,15 @@ fn diagnosed(folder: &Path, robot: &str) -> (i32, Value, String) {
     (output.status.code().unwrap(), json(&diag), std::fs::read_to_string(&page).unwrap())
 }
 
-/// Holds the one finding against the truth: every parameter of the effect, and all belts, within a share of their own.
-fn is_named(diag: &Value, effect: &str, truth: &[(&str, f64, f64)], (belts, belts_within): ([f64; 3], f64)) {
+/// Holds the one finding against the truth: every parameter of the effect, and all belts, within a share of their own; and by which share of the
+/// error half a second ahead, on a motion that no fit has seen, every sensor gains.
+fn is_named(
+    diag: &Value,
+    effect: &str,
+    truth: &[(&str, f64, f64)],
+    (belts, belts_within): ([f64; 3], f64),
+    gained: Range<f64>,
+) {
     assert_eq!(diag["verdict"], "named");
     let findings = diag["findings"].as_array().unwrap();
     assert_eq!(findings.len(), 1, "{findings:?}");
@@ -39,26 +47,18 @@ fn is_named(diag: &Value, effect: &str, truth: &[(&str, f64, f64)], (belts, belt
         eprintln!("{name}: {:+.4} %", 100.0 * share);
         assert!(share.abs() < within, "{name}: {:+.4} %", 100.0 * share);
     }
-    // On a motion that no fit has seen, half a second ahead.
     let gains = findings[0]["gain"].as_array().unwrap();
     let ahead: Vec<&Value> = gains.iter().filter(|gain| gain["horizon_s"] == 0.5).collect();
     assert_eq!(ahead.len(), 5, "three encoders and two gyros");
     for gain in ahead {
         let low = gain["ci95"][0].as_f64().unwrap();
-        assert!(low > 0.0, "{gain}");
+        assert!(low > 0.0 && gained.contains(&gain["gain"].as_f64().unwrap()), "{gained:?}: {gain}");
     }
 }
 
 /// How far the base model's belts read off, as shares.
 fn base_belts(diag: &Value, truth: [f64; 3]) -> [f64; 3] {
     std::array::from_fn(|i| estimate(&diag["base"], &format!("k_s[{}]", i + 1)) / truth[i] - 1.0)
-}
-
-/// The gain half a second ahead of a sensor.
-fn gain(diag: &Value, sensor: &str) -> f64 {
-    let gains = diag["findings"][0]["gain"].as_array().unwrap();
-    let gain = gains.iter().find(|gain| gain["channel"] == sensor && gain["horizon_s"] == 0.5).unwrap();
-    gain["gain"].as_f64().unwrap()
 }
 
 #[test]
@@ -87,12 +87,8 @@ fn the_riddle_of_the_bearing_is_solved() {
         ("base_bearing.d[x]", 34.834, 4e-4),
         ("base_bearing.d[y]", 28.734, 4e-4),
     ];
-    is_named(&diag, "base_bearing", &bearing, (belts, 5e-5));
     // The error half a second ahead on another motion is cut by more than half: by 0.94 to 0.99 measured.
-    for sensor in ["encoder1", "encoder2", "encoder3", "gyro1", "gyro2"] {
-        let gain = gain(&diag, sensor);
-        assert!((0.85..0.999).contains(&gain), "{sensor}: {gain}");
-    }
+    is_named(&diag, "base_bearing", &bearing, (belts, 5e-5), 0.85..0.999);
     assert!(page.contains("flexible base bearing"), "the page tells the same story");
 }
 
@@ -104,7 +100,8 @@ fn free_play_in_the_belts_is_named_with_its_size() {
     // Measured: 0.4 to 0.8 % (gaps) and 0.03 to 0.09 % (belts).
     let gaps =
         [("backlash.h[1]", 7.0663e-3, 0.025), ("backlash.h[2]", 8.4880e-3, 0.025), ("backlash.h[3]", 9.1410e-3, 0.025)];
-    is_named(&diag, "backlash", &gaps, ([413.42, 389.74, 573.56], 0.003));
+    // Gains of 0.92 to 0.96.
+    is_named(&diag, "backlash", &gaps, ([413.42, 389.74, 573.56], 0.003), 0.85..0.98);
     assert_eq!(diag["findings"][0]["axes"], serde_json::json!([1, 2, 3]));
 }
 
@@ -114,6 +111,8 @@ fn a_sagging_supply_is_named_with_its_size() {
     let (exit, diag, _) = diagnosed(&folder, "voltage_sag");
     assert_eq!(exit, 10);
     // Measured: 0.04 % (resistance) and 0.002 % (belts); the belts' truth is printed to 0.001 %.
-    is_named(&diag, "voltage_sag", &[("voltage_sag.r", 0.01, 0.003)], ([435.64, 441.56, 540.01], 6e-5));
+    // Gains of 0.86 to 0.99.
+    let sag = [("voltage_sag.r", 0.01, 0.003)];
+    is_named(&diag, "voltage_sag", &sag, ([435.64, 441.56, 540.01], 6e-5), 0.78..0.999);
     assert_eq!(diag["extended"]["status"], "converged");
 }

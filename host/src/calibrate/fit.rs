@@ -31,6 +31,9 @@ use solve::levenberg::{Iteration, Settings};
 /// Relative change of the cost from which on a search ends whose weights will change anyway.
 const ROUGH: f64 = 1e-5;
 
+/// The same of a search whose shared unknowns a trial has found: the noise is estimated at the step that is left, whatever it is.
+const TRIED: f64 = 1e-2;
+
 /// Iterations in which states settle around shared unknowns that are nearly right.
 const SETTLING: usize = 3;
 
@@ -230,7 +233,8 @@ impl Task<'_> {
         }
         if let Some(noise) = &self.tight {
             problem.set_noise(noise.clone());
-            found = search::again(&problem, robot, (&start, found), &structural, first, &mut progress)?;
+            let near = Settings { relative_cost_change: TRIED, ..first.clone() };
+            found = search::again(&problem, robot, (&start, found), &structural, &near, &mut progress)?;
         }
         for _ in 0..MOST_SIFTINGS {
             if !screened.look(&mut problem, &found.solution.point, settings.threads) {

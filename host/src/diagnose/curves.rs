@@ -20,8 +20,8 @@ use crate::model::law::{Hook, Law};
 
 /// Curves are linear in their coefficients.
 const ITERATIONS: usize = 3;
-/// Curves that are refitted on few samples.
-const REFITTED: usize = 2;
+/// Curves that are refitted.
+pub const REFITTED: usize = 2;
 /// Most waves a turn that are looked for, and how many of them make a ripple.
 const MOST_WAVES: u8 = 16;
 const RIPPLE: usize = 4;
@@ -129,7 +129,7 @@ impl Sought {
 }
 
 /// The best curves on top of `current`, best first: places by a scan of few samples, refitted there, and what is not beaten clearly on the samples
-/// that decide.
+/// that decide, `most` of them.
 ///
 /// # Errors
 /// As a calibration's, of the scan.
@@ -137,6 +137,7 @@ pub fn best_curves(
     few: &Bench<'_>,
     on_few: &Trial,
     (bench, current): (&Bench<'_>, &Trial),
+    most: usize,
 ) -> Result<Vec<CurveFit>, CalibrateError> {
     let of_place = |place: Place| place.curves(&[], &place.ranges(few, on_few), few).law;
     let turns = TURN.ranges(few, on_few);
@@ -155,10 +156,11 @@ pub fn best_curves(
             few.fit(&on_top(on_few, &curves), on_few, ITERATIONS).ok().filter(|trial| trial.cost.is_finite())?;
         Some((sought, gained((&trial, on_few)) - 2.0 * curves.freedom() as f64))
     };
-    let tried: Vec<_> = sought.into_iter().take(REFITTED).filter_map(of_few).collect();
+    let mut tried: Vec<_> = sought.into_iter().take(REFITTED).filter_map(of_few).collect();
+    tried.sort_by(|(_, a), (_, b)| b.total_cmp(a));
     // The best is refitted whatever its score: few samples may not hold what it explains.
-    let most = tried.iter().map(|(_, score)| *score).fold(f64::NEG_INFINITY, f64::max);
-    let is_near = |score: f64| score >= NEAR.0 * most || score >= most - NEAR.1;
+    let best = tried.first().map_or(f64::NEG_INFINITY, |(_, score)| *score);
+    let is_near = |score: f64| score >= NEAR.0 * best || score >= best - NEAR.1;
     let fit = |(sought, _): (Sought, f64)| {
         let curves = sought.place.curves(&sought.waves, &sought.place.ranges(bench, current), bench);
         // From the current model, not from few samples: their values may be far from what the states of all of these suit.
@@ -168,7 +170,8 @@ pub fn best_curves(
         let p = p_of_score(gained / current.inflation, freedom.max(sought.chosen_from));
         Some(CurveFit { curves, trial, score: gained - 2.0 * freedom as f64, p_family: scan.p_of_family(p) })
     };
-    let mut fitted: Vec<CurveFit> = tried.into_iter().filter(|(_, score)| is_near(*score)).filter_map(fit).collect();
+    let near = tried.into_iter().filter(|(_, score)| is_near(*score));
+    let mut fitted: Vec<CurveFit> = near.take(most).filter_map(fit).collect();
     fitted.sort_by(|a, b| b.score.total_cmp(&a.score));
     for curve in &fitted {
         tracing::debug!(place = ?curve.curves.place, score = curve.score, p = curve.p_family, "curve");

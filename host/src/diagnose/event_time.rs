@@ -61,8 +61,7 @@ mod tests {
         let recording = recording.part(0..behind);
         let settings = Settings::default();
         let fitted = fit(&robot, &[&recording], Preset::Default, &settings, |_, _| {}).unwrap();
-        let (bench, base) =
-            Bench::new(&robot, fitted.series.clone(), &fitted, fitted.noise.clone(), settings).unwrap();
+        let (bench, base) = Bench::new(&robot, fitted.series.clone(), &fitted, fitted.noise.clone(), settings).unwrap();
 
         let start_s = |law: &Arc<dyn Law>| law.parameters().coordinates[1].start;
         let of_joint = |law: &Arc<dyn Law>| law.parameters().results[0].name.ends_with(joint);

@@ -204,6 +204,17 @@ mod tests {
     }
 
     #[test]
+    fn draws_of_laws_that_say_a_little_more_than_the_same_are_those_of_copies() {
+        // Correlated by more than one: rounding leaves an eigenvalue below zero, and there is no Cholesky root.
+        let scan = Scan::of(&laws(2, 1.0 + 1e-6, 0.0), 1.0);
+        for p in [0.05_f64, 0.3, 0.8] {
+            // Within four standard deviations of 2,000 draws.
+            let off = (scan.p_of_family(p) - p).abs();
+            assert!(off < 4.0 * (p * (1.0 - p) / 2000.0).sqrt(), "{p}: {}", scan.p_of_family(p));
+        }
+    }
+
+    #[test]
     fn a_column_that_the_shared_unknowns_take_away_has_no_score() {
         let mut scores = laws(2, 0.0, 1.0);
         scores.information[(1, 1)] = 1e-9;

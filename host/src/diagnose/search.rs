@@ -12,7 +12,7 @@ use std::sync::Arc;
 
 use super::axes::axes_of_score;
 use super::candidate::Candidate;
-use super::curves::best_curves;
+use super::curves::{REFITTED, best_curves};
 use super::found::{Accepted, FINAL_ITERATIONS, LEVEL, Named, Scanned, Search, laws};
 use super::refit::{Events, Refit, refit, straighten};
 use super::scan::Scan;
@@ -83,7 +83,11 @@ pub fn search(
         let mut refitted = refit(&on(family, few_tell), scanned.iter().filter(|s| may_earn(s)).cloned().collect());
         best_first(&mut refitted);
         step("holding them against curves");
-        let curves = best_curves(few, &on_few, (bench, &found.trial))?;
+        // Beside a law that explains nearly all that is left there is no rival: one curve shows its shape.
+        let left = 2.0 * found.trial.cost;
+        let is_contested = refitted.first().is_none_or(|best| best.score < NAMED_SHARE * left);
+        let most = if is_contested { REFITTED } else { 1 };
+        let curves = best_curves(few, &on_few, (bench, &found.trial), most)?;
         // A law has to earn its parameters besides: what the null of the draws does not hold, a clock that jitters, gains a little too.
         let earns = |s: &&Scanned| {
             let scale = Scale::after(s.trial.as_ref().unwrap_or(&found.trial), samples);

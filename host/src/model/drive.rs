@@ -306,7 +306,7 @@ impl<'a, T: Asked> JointLaws<'a, T> {
 /// 2 (1/(1+exp(−a)) − ½) = tanh(a/2), which never overflows: at 4 rad/s the printed exponential does, and its derivative is not a number.
 #[inline(always)]
 fn sigmoid<T: Quantity>(a: T) -> T {
-    let value = (0.5 * a.re()).tanh();
+    let value = super::elementary::tanh(0.5 * a.re());
     a.through(value, 0.5 * (1.0 - value * value))
 }
 

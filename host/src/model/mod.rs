@@ -12,6 +12,7 @@
 
 mod drive;
 mod dynamics;
+mod elementary;
 pub mod fast;
 mod inertia;
 mod input;

@@ -1,5 +1,6 @@
 //! The scalar of the laws: a number, or a number with its derivatives by what a law depends on.
 
+use super::elementary;
 use crate::robot::chain::{Arithmetic, Lanes};
 
 /// What the laws of joints and sensors need of their scalar.
@@ -33,7 +34,7 @@ pub trait Quantity: Arithmetic {
     /// tanh x.
     #[inline(always)]
     fn tanh(self) -> Self {
-        let value = self.re().tanh();
+        let value = elementary::tanh(self.re());
         self.through(value, 1.0 - value * value)
     }
 
@@ -43,13 +44,13 @@ pub trait Quantity: Arithmetic {
         let a = self.re() / width;
         let e = (-a.abs()).exp();
         let slope = if a < 0.0 { e / (1.0 + e) } else { 1.0 / (1.0 + e) };
-        self.through(width * (a.max(0.0) + e.ln_1p()), slope)
+        self.through(width * (a.max(0.0) + elementary::ln_of_one_and(e)), slope)
     }
 
     /// The slope of [`ramp`](Self::ramp): 0 below, 1 above.
     #[inline(always)]
     fn step(self, width: f64) -> Self {
-        let value = 0.5 + 0.5 * (0.5 * self.re() / width).tanh();
+        let value = 0.5 + 0.5 * elementary::tanh(0.5 * self.re() / width);
         self.through(value, value * (1.0 - value) / width)
     }
 }

@@ -5,7 +5,11 @@ use std::fmt;
 use host::diagnose::Verdict;
 use host::effect::Effect;
 
+use super::information::{Sized, asked};
 use super::{Disturbance, Kind, Outcome};
+
+/// Margins within this factor of what was asked for are of that size.
+const AS_ASKED: f64 = 3.0;
 
 /// The 95 % interval of a share of which `hits` of `n` were seen (Wilson 1927).
 pub fn wilson(hits: usize, n: usize) -> [f64; 2] {
@@ -43,10 +47,14 @@ impl Scoreboard {
             board.row(&format!("nothing hidden{of}: nothing found"), &nothing, |o| o.verdict == Verdict::None);
         }
         for size in ["large", "medium", "small"] {
-            let single = group(&|o| o.case.kind() == Kind::Single && o.case.size == size);
+            let of_size = |o: &Outcome| o.case.kind() == Kind::Single && o.case.size == size;
+            let single = group(&|o| of_size(o) && is_as_asked(o));
             board.row(&format!("one {size} effect: named, and nothing else"), &single, |o| o.named == o.case.effects);
             board.row(&format!("one {size} effect: it or one of its class"), &single, in_class);
             board.sizes(size, &single);
+            let other = group(&|o| of_size(o) && !is_as_asked(o));
+            let what = format!("one effect that is not to be had {size}, as near as it comes: named, and nothing else");
+            board.row(&what, &other, |o| o.named == o.case.effects);
         }
         let pairs = group(&|o| o.case.kind() == Kind::Pairs);
         board.row("two medium effects: both named", &pairs, |o| o.case.effects.iter().all(|id| o.named.contains(id)));
@@ -82,6 +90,12 @@ impl Scoreboard {
     fn row(&mut self, what: &str, outcomes: &[&Outcome], is_hit: impl Fn(&Outcome) -> bool) {
         self.rows.push((what.to_string(), outcomes.iter().filter(|o| is_hit(o)).count(), outcomes.len()));
     }
+}
+
+/// Whether the motion tells as much of what was hidden as its size means. Some effects are met or not: at the least that is met they tell thousands.
+fn is_as_asked(outcome: &Outcome) -> bool {
+    let off = |sized: &Sized| (sized.margin / asked(&outcome.case.size)).ln().abs();
+    outcome.sized.iter().all(|sized| off(sized) < AS_ASKED.ln())
 }
 
 /// Whether what was hidden was named, or something that the catalogue or the motion cannot tell from it.
@@ -135,6 +149,22 @@ impl fmt::Display for Scoreboard {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn effects_that_cannot_be_had_of_a_size_have_a_row_of_their_own() {
+        let line = r#"{"case":{"effects":["backlash"],"size":"medium","is_outsider":false,"seed":1,"sizes":"information"},
+            "verdict":"unknown","named":[],"aliases":[],"place":null,"is_right_place":true,"errors":[],"seconds":1.0,
+            "sized":[{"level":-14.0,"margin":1584.0}]}"#;
+        let far: Outcome = serde_json::from_str(line).unwrap();
+        let mut near = far.clone();
+        (near.sized[0].margin, near.named) = (110.0, near.case.effects.clone());
+        let board = Scoreboard::of(&[far, near]).to_string();
+        assert!(board.contains("| one medium effect: named, and nothing else | 1 of 1 |"), "{board}");
+        assert!(
+            board.contains("not to be had medium, as near as it comes: named, and nothing else | 0 of 1 |"),
+            "{board}"
+        );
+    }
 
     #[test]
     fn intervals_of_shares_are_those_of_tables() {

@@ -32,7 +32,8 @@ impl Work for TakeIn<'_> {
             }
             let row = &rows[i * n..(i + 1) * n];
             gain.fill(Quad::default());
-            let (mut variance, mut expected) = (Wide::splat(simd, sigma[i] * sigma[i]), Wide::load(simd, &outputs[i].0));
+            let (mut variance, mut expected) =
+                (Wide::splat(simd, sigma[i] * sigma[i]), Wide::load(simd, &outputs[i].0));
             for b in 0..n {
                 // Most readings see one component or few.
                 if row[b] == Quad::default() {

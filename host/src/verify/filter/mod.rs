@@ -86,7 +86,10 @@ pub fn run<S: System>(system: &S, columns: &Columns<'_>) -> Track {
     let rank = |track: &Track| if track.log_likelihood.is_nan() { f64::NEG_INFINITY } else { track.log_likelihood };
     for candidates in CANDIDATES.chunks(LANES) {
         let last = candidates[candidates.len() - 1];
-        best = best.into_iter().chain(run_side_by_side(system, columns, candidates)).max_by(|a, b| rank(a).total_cmp(&rank(b)));
+        best = best
+            .into_iter()
+            .chain(run_side_by_side(system, columns, candidates))
+            .max_by(|a, b| rank(a).total_cmp(&rank(b)));
         if best.as_ref().is_some_and(|best| best.noise.velocity_sigma != last && rank(best).is_finite()) {
             break;
         }
