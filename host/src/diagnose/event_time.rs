@@ -4,37 +4,50 @@
 //! score │        ▁▂▄▆█▆▄▂▁              a jump's score falls off on both sides of the true time, so that ever finer grids meet it
 //!       │    ▁▂▃▅         ▅▃▂▁
 //!       └──┼──────┼──────┼──────┼── t   the scan's starts, a second apart
+//!       ▐██▌                    ▐██▌    few samples: no time between two of their windows is better than another
 //! ```
 
 use std::sync::Arc;
 
 use super::found::Named;
-use super::scan::Scan;
-use crate::calibrate::{Bench, Trial};
+use super::scan::{Scan, Score};
+use crate::calibrate::{Bench, Series, Trial};
 use crate::model::law::Law;
 
-/// Steps of the grids, s: the first from one start of a scan half way to the next, each within that of the one before, the last as fine as samples.
-const GRIDS_S: [f64; 4] = [0.1, 0.02, 0.004, 0.001];
-/// Times on each side of the best one so far.
+/// Steps of the grids, s: the first reaches over all that the scan does not tell from its start, the others over the step of the one before, and
+/// the last is as fine as samples.
+const GRIDS_S: [f64; 5] = [0.5, 0.1, 0.02, 0.004, 0.001];
+/// Times on each side of the best one, on all grids but the first.
 const ON_EACH_SIDE: i32 = 5;
 
-/// The law at the time that scores best on top of `current`, looked for around its own; as it is, where it has no time or nothing scores.
-pub fn timed(bench: &Bench<'_>, current: &Trial, named: Named) -> Named {
+/// The law at the time that scores best on `bench`, on top of `current`, looked for around the one at which it did on the `scanned` samples; as it
+/// is, where it has no time or nothing scores.
+pub fn timed(scanned: &Series, (bench, current): (&Bench<'_>, &Trial), named: Named) -> Named {
+    let Some(start_s) = named.law.event_s() else { return named };
+    let [from_s, to_s] = untold(scanned, start_s);
+    let steps = |span_s: f64| (span_s / GRIDS_S[0]).ceil() as i32 + 1;
+    let first = -steps(start_s - from_s)..=steps(to_s - start_s);
+    let others = GRIDS_S.iter().skip(1).map(|_| -ON_EACH_SIDE..=ON_EACH_SIDE);
     let mut best = named;
-    for step_s in GRIDS_S {
-        let later = |i: i32| best.law.later(f64::from(i) * step_s);
-        let laws: Vec<Arc<dyn Law>> = (-ON_EACH_SIDE..=ON_EACH_SIDE).filter_map(later).collect();
-        if laws.is_empty() {
-            break;
-        }
+    for (step_s, grid) in GRIDS_S.into_iter().zip(std::iter::once(first).chain(others)) {
+        let laws: Vec<Arc<dyn Law>> = grid.filter_map(|i| best.law.later(f64::from(i) * step_s)).collect();
         let Ok(scores) = bench.scores(current, &laws) else { break };
         let scored = Scan::of(&scores, current.inflation).scores;
-        let score = |score: &Option<_>| score.as_ref().map_or(0.0, |score: &super::scan::Score| score.score);
+        let score = |score: &Option<Score>| score.as_ref().map_or(0.0, |score| score.score);
         let most = laws.into_iter().zip(&scored).max_by(|a, b| score(a.1).total_cmp(&score(b.1)));
         let Some((law, _)) = most.filter(|(_, of)| of.is_some()) else { break };
         best.law = law;
     }
+    tracing::debug!(effect = best.effect.id, from_s, to_s, start_s, found_s = best.law.event_s(), "timed");
     best
+}
+
+/// The times that these samples do not tell from `time_s`: those to the next ones on either side.
+fn untold(series: &Series, time_s: f64) -> [f64; 2] {
+    let times = || (0..series.stages()).map(|k| series.time_s(k));
+    let before = times().filter(|t| *t <= time_s).fold(f64::NEG_INFINITY, f64::max);
+    let behind = times().filter(|t| *t > time_s).fold(f64::INFINITY, f64::min);
+    [before, behind].map(|t| if t.is_finite() { t } else { time_s })
 }
 
 #[cfg(test)]
@@ -47,7 +60,7 @@ mod tests {
     use solve::levenberg::Settings;
 
     #[test]
-    fn a_jump_is_found_half_a_second_from_where_its_law_starts() {
+    fn a_jump_is_found_far_from_where_its_law_starts() {
         let robot = Robot::builtin("doggy").unwrap();
         let effect = Effect::by_id("belt_tooth_skip").unwrap();
         // A fifth of a milliradian; a tooth is a hundred times as much.
@@ -63,15 +76,18 @@ mod tests {
         let fitted = fit(&robot, &[&recording], Preset::Default, &settings, |_, _| {}).unwrap();
         let (bench, base) = Bench::new(&robot, fitted.series.clone(), &fitted, fitted.noise.clone(), settings).unwrap();
 
-        let start_s = |law: &Arc<dyn Law>| law.parameters().coordinates[1].start;
         let of_joint = |law: &Arc<dyn Law>| law.parameters().results[0].name.ends_with(joint);
         let laws = effect.laws(&robot).unwrap().into_iter().filter(of_joint);
-        let off = |law: &Arc<dyn Law>| (start_s(law) - true_s).abs();
-        let mut laws: Vec<_> = laws.filter(|law| off(law) < 0.5).collect();
-        assert_eq!(laws.len(), 1, "one a second");
-        let law = laws.remove(0);
+        let off = |law: &Arc<dyn Law>| (law.event_s().unwrap() - true_s).abs();
+        // Few samples, which do not tell the jump from one somewhere else between the same two windows.
+        let few = fitted.series.excerpt(800, 4).unwrap();
+        let holds = |law: &Arc<dyn Law>| {
+            let [from_s, to_s] = untold(&few, law.event_s().unwrap());
+            (from_s..to_s).contains(&true_s)
+        };
+        let law = laws.filter(holds).max_by(|a, b| off(a).total_cmp(&off(b))).unwrap();
         let off_before = off(&law);
-        let found = timed(&bench, &base, Named { effect, law });
-        assert!(off(&found.law) < 0.02 && off_before > 0.05, "{} s, {off_before} s before", off(&found.law));
+        let found = timed(&few, (&bench, &base), Named { effect, law });
+        assert!(off(&found.law) < 0.02 && off_before > 0.5, "{} s, {off_before} s before", off(&found.law));
     }
 }

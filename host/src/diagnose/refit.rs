@@ -116,8 +116,8 @@ fn best_of_scan(on: &Refit<'_>, scanned: Vec<Scanned>) -> Vec<Scanned> {
     let found = scanned.into_iter().filter(|s| s.p_family < LEVEL).enumerate();
     let (first, others): (Vec<_>, Vec<_>) = found.partition(|(place, s)| wanted(*place, s));
     let try_it = |(_, s): (usize, Scanned)| {
-        // Few samples may not hold the event.
-        let named = timed(on.bench, &on.found.trial, s.named);
+        let scanned = if on.few_tell { on.few } else { on.bench };
+        let named = timed(scanned.series(), (on.bench, &on.found.trial), s.named);
         if on.few_tell { on.on_few_samples(named) } else { on.at_once(named) }
     };
     let mut refitted: Vec<Scanned> = first.into_iter().map(try_it).collect();

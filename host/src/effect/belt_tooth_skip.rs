@@ -127,6 +127,10 @@ impl Law for SkipLaw {
         jumps.into_iter().take(MOST_JOINTS).map(law).collect()
     }
 
+    fn event_s(&self) -> Option<f64> {
+        self.parameters.coordinates.get(1).map(|time| time.start)
+    }
+
     fn later(&self, by_s: f64) -> Option<Arc<dyn Law>> {
         let SkipLaw { joint, width_s, sharp_s, .. } = *self;
         let [step, time] = &self.parameters.coordinates[..] else { return None };

@@ -172,7 +172,12 @@ pub trait Law: std::fmt::Debug + Send + Sync {
         Vec::new()
     }
 
-    /// The same law started from an event so much later, s; none of laws that have no time.
+    /// When its event is where it starts, s after the start of the motion; none of laws that have no time.
+    fn event_s(&self) -> Option<f64> {
+        None
+    }
+
+    /// The same law started from an event so much later, s.
     fn later(&self, _by_s: f64) -> Option<Arc<dyn Law>> {
         None
     }
