@@ -44,6 +44,7 @@ mod trimmed;
 mod triple;
 mod wide;
 mod windows;
+mod worst;
 
 pub use bench::Bench;
 pub use fit::{Fit, calibrate, extend, extend_as, fit};

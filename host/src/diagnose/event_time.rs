@@ -1,11 +1,12 @@
 //! When an event was: a law that is nothing but around one time shows a search no way to a time far from where it starts.
 //!
 //! ```text
-//! score │        ▁▂▄▆█▆▄▂▁              a jump's score falls off on both sides of the true time, so that ever finer grids meet it
-//!       │    ▁▂▃▅         ▅▃▂▁
+//! score │           ▁█▁               a jump excites the transmission: its score has a peak as narrow as that rings, on a broad hill
+//!       │   ▁▂▃▄▅▆▇▇▇█▇▆▅▄▃▂▁
 //!       └──┼──────┼──────┼──────┼── t   the scan's starts, a second apart
 //!       ▐██▌                    ▐██▌    few samples: no time between two of their windows is better than another
 //! ```
+//! So the times at which the current model fits worst are tried beside those of a coarse grid, and ever finer grids around the best.
 
 use std::sync::Arc;
 
@@ -14,29 +15,36 @@ use super::scan::{Scan, Score};
 use crate::calibrate::{Bench, Series, Trial};
 use crate::model::law::Law;
 
-/// Steps of the grids, s: the first reaches over all that the scan does not tell from its start, the others over the step of the one before, and
-/// the last is as fine as samples.
-const GRIDS_S: [f64; 5] = [0.5, 0.1, 0.02, 0.004, 0.001];
-/// Times on each side of the best one, on all grids but the first.
+/// Step of the grid over all that the scan does not tell from its start, s.
+const COARSE_S: f64 = 0.5;
+/// Steps of the grids around the best time, s: each reaches over the step of the one before, the last is as fine as samples.
+const FINE_S: [f64; 4] = [0.1, 0.02, 0.004, 0.001];
+/// Times on each side of the best one, on fine grids.
 const ON_EACH_SIDE: i32 = 5;
+/// Worst times that are tried.
+const WORST: usize = 12;
 
 /// The law at the time that scores best on `bench`, on top of `current`, looked for around the one at which it did on the `scanned` samples; as it
 /// is, where it has no time or nothing scores.
 pub fn timed(scanned: &Series, (bench, current): (&Bench<'_>, &Trial), named: Named) -> Named {
     let Some(start_s) = named.law.event_s() else { return named };
     let [from_s, to_s] = untold(scanned, start_s);
-    let steps = |span_s: f64| (span_s / GRIDS_S[0]).ceil() as i32 + 1;
-    let first = -steps(start_s - from_s)..=steps(to_s - start_s);
-    let others = GRIDS_S.iter().skip(1).map(|_| -ON_EACH_SIDE..=ON_EACH_SIDE);
+    let steps = |span_s: f64| (span_s / COARSE_S).ceil() as i32 + 1;
+    let coarse = (-steps(start_s - from_s)..=steps(to_s - start_s)).map(|i| f64::from(i) * COARSE_S);
+    let worst = bench.worst_times(current, WORST).unwrap_or_default().into_iter().map(|t| t - start_s);
     let mut best = named;
-    for (step_s, grid) in GRIDS_S.into_iter().zip(std::iter::once(first).chain(others)) {
-        let laws: Vec<Arc<dyn Law>> = grid.filter_map(|i| best.law.later(f64::from(i) * step_s)).collect();
+    let mut later_s: Vec<f64> = coarse.chain(worst).collect();
+    for step_s in FINE_S.into_iter().map(Some).chain([None]) {
+        let laws: Vec<Arc<dyn Law>> = later_s.iter().filter_map(|by_s| best.law.later(*by_s)).collect();
         let Ok(scores) = bench.scores(current, &laws) else { break };
         let scored = Scan::of(&scores, current.inflation).scores;
         let score = |score: &Option<Score>| score.as_ref().map_or(0.0, |score| score.score);
         let most = laws.into_iter().zip(&scored).max_by(|a, b| score(a.1).total_cmp(&score(b.1)));
         let Some((law, _)) = most.filter(|(_, of)| of.is_some()) else { break };
         best.law = law;
+        // The next grid, where there is one.
+        let Some(step_s) = step_s else { break };
+        later_s = (-ON_EACH_SIDE..=ON_EACH_SIDE).map(|i| f64::from(i) * step_s).collect();
     }
     tracing::debug!(effect = best.effect.id, from_s, to_s, start_s, found_s = best.law.event_s(), "timed");
     best
