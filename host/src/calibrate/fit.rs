@@ -31,7 +31,7 @@ use solve::levenberg::{Iteration, Settings};
 /// Relative change of the cost from which on a search ends whose weights will change anyway.
 const ROUGH: f64 = 1e-5;
 
-/// The same of a search whose shared unknowns a trial has found: the noise is estimated at the step that is left, whatever it is.
+/// The same where a trial has found the shared unknowns: the estimate of the noise that follows takes the states' step that is left.
 const TRIED: f64 = 1e-2;
 
 /// Iterations in which states settle around shared unknowns that are nearly right.

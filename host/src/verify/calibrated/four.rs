@@ -3,7 +3,7 @@
 use super::super::system::Four;
 use crate::model::fast::{Fast, JOINTS, Samples, StepQuads, WITH_PAIR, WITH_PAIRS};
 use crate::model::{Dynamics, Integrator};
-use solve::simd::{Quad, Simd, Work, vectorised};
+use solve::simd::{Simd, Work, vectorised};
 
 /// One step of four states, in the scratch space of `step`; with derivatives where `WITH_SLOPES`.
 pub(super) fn step<const WITH_SLOPES: bool>(
@@ -33,10 +33,9 @@ impl<const L: usize, const WITH_SLOPES: bool> Work for Stepping<'_, '_, L, WITH_
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
         let Stepping { fast, dynamics, integrator, four, step } = self;
-        let Four { x, u, time_s, dt_s }: &Four = four;
+        let Four { x, u, time_s, dt_s } = four;
         let samples = Samples::<S, L>::new(simd, fast, x);
-        let quads: &[Quad] = x;
-        step.step::<S, L, WITH_SLOPES>(integrator, (fast, dynamics), (&samples, quads), (u, time_s), dt_s);
+        step.step::<S, L, WITH_SLOPES>(integrator, (fast, dynamics), (&samples, &x[..]), (u, time_s), dt_s);
     }
 }
 

@@ -137,9 +137,9 @@ impl<'a, S: System> Filters<'a, S> {
         }
         (four.time_s, four.dt_s) = (Quad([columns.t_s[k]; LANES]), Quad([dt_s; LANES]));
         system.step_jacobian_four(four, &mut room.next, &mut room.jacobian);
-        let half_s = Quad([0.5 * dt_s; LANES]);
-        room.half.clone_from(four);
-        room.half.dt_s = half_s;
+        room.half.x.copy_from_slice(&four.x);
+        room.half.u.copy_from_slice(&four.u);
+        (room.half.time_s, room.half.dt_s) = (four.time_s, Quad([0.5 * dt_s; LANES]));
         system.step_four(&room.half, &mut room.halves);
         room.half.x.copy_from_slice(&room.halves);
         system.step_four(&room.half, &mut room.halves);
