@@ -24,9 +24,9 @@ pub(super) const EFFECT: Effect = Effect {
 };
 
 const TIME_CONSTANT_S: [f64; 3] = [0.5e-3, 1.5e-3, 4e-3];
-/// The least T that steps follow, in sample periods. A step h of the model's integrator carries 1 − x + x²/2 − x³/6 + x⁴/24 of ω_f over, x = h/T, instead
-/// of e⁻ˣ: least at x = 1.596, and beyond that a short lag looks like a long one.
-const FINEST: f64 = 1.0 / 1.596;
+/// The least T that is looked for, in sample periods: of a shorter lag readings taken once a period tell nothing but its product with the acceleration,
+/// and noise has more to say.
+const FINEST: f64 = 0.05;
 
 #[derive(Debug)]
 struct GyroLag {

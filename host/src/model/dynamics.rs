@@ -16,6 +16,7 @@ use super::law::{FEW, MANY, SOME};
 use super::laws::OfJoint;
 use super::links::WeightedLinks;
 use super::local::{BASE, COEFFICIENTS, Drives, FEW_VARIABLES, MOST_VARIABLES, OWN, SOME_VARIABLES, VOLTS};
+use super::relaxation::Relaxation;
 use super::sensor::SensorFrame;
 use super::{Input, Model};
 use crate::robot::chain::{Lanes, MAX_JOINTS};
@@ -297,7 +298,17 @@ impl<'m> Dynamics<'m> {
         self.lag_slopes(x, out);
     }
 
-    /// The states of gyros that lag behind their bodies.
+    /// The states of gyros that lag behind their bodies, at the begin of a step from `x` by a method of so many stages.
+    pub(super) fn relaxing(&self, x: &[f64], duration_s: f64, stages: usize, out: &mut Vec<Relaxation>) {
+        out.clear();
+        for lag in &self.model.laws.lags {
+            let (column, time_constant_s) = (self.size() + lag.coordinate, self.z[lag.coordinate].exp());
+            let states = lag.state..lag.state + 3;
+            out.extend(states.map(|i| Relaxation::begin((i, column), time_constant_s, x[i], duration_s, stages)));
+        }
+    }
+
+    /// The rates of these states.
     fn lag_slopes(&self, x: &[f64], out: &mut Linear) {
         let lags = &self.model.laws.lags;
         if lags.is_empty() {

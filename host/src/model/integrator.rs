@@ -1,7 +1,9 @@
-//! One step of the dynamics with the input held, and its exact derivatives by the chain rule through the method's stages.
+//! One step of the dynamics with the input held, and its exact derivatives by the chain rule through the method's stages. States that only relax towards
+//! the others, as those of lagging gyros, go by their own solution (`relaxation`).
 
 use serde::{Deserialize, Serialize};
 
+use super::relaxation::Relaxation;
 use super::{Dynamics, Input, Linear};
 
 /// A one-step method.
@@ -33,6 +35,9 @@ pub struct Stepper {
     /// Derivatives of the stage's state and of its slope k.
     dx: Vec<f64>,
     dk: Vec<f64>,
+    /// States that relax, and the rows of their derivatives.
+    relaxing: Vec<Relaxation>,
+    relaxed: Vec<f64>,
 }
 
 const RUNGE_KUTTA_4: [(f64, f64); 4] = [(0.0, 1.0 / 6.0), (0.5, 1.0 / 3.0), (0.5, 1.0 / 3.0), (1.0, 1.0 / 6.0)];
@@ -51,7 +56,8 @@ impl Integrator {
 impl Stepper {
     /// Scratch space for `integrator`.
     pub fn new(integrator: Integrator) -> Self {
-        Stepper { integrator, linear: Linear::default(), x: vec![], k: vec![], dx: vec![], dk: vec![] }
+        let linear = Linear::default();
+        Stepper { integrator, linear, x: vec![], k: vec![], dx: vec![], dk: vec![], relaxing: vec![], relaxed: vec![] }
     }
 
     /// The state `duration_s` after `x` with the input `u` held, into `next`.
@@ -68,14 +74,22 @@ impl Stepper {
         self.k.clear();
         self.k.resize(x.len(), 0.0);
         next.copy_from_slice(x);
-        for &(along, weight) in self.integrator.stages() {
-            for ((stage, x), k) in self.x.iter_mut().zip(x).zip(&self.k) {
-                *stage = x + along * duration_s * k;
+        let stages = self.integrator.stages();
+        dynamics.relaxing(x, duration_s, stages.len(), &mut self.relaxing);
+        for (stage, &(along, weight)) in stages.iter().enumerate() {
+            for ((there, x), k) in self.x.iter_mut().zip(x).zip(&self.k) {
+                *there = x + along * duration_s * k;
             }
             dynamics.derivative(&self.x, input, &mut self.k);
             for (next, k) in next.iter_mut().zip(&self.k) {
                 *next += weight * duration_s * k;
             }
+            for relaxation in &mut self.relaxing {
+                relaxation.take(stage, self.x[relaxation.state], self.k[relaxation.state]);
+            }
+        }
+        for relaxation in &self.relaxing {
+            next[relaxation.state] = relaxation.next;
         }
     }
 
@@ -102,15 +116,25 @@ impl Stepper {
         for i in 0..size {
             out.slopes[i * columns + i] = 1.0;
         }
-        for (stage, &(along, weight)) in self.integrator.stages().iter().enumerate() {
+        let stages = self.integrator.stages();
+        dynamics.relaxing(x, duration_s, stages.len(), &mut self.relaxing);
+        self.relaxed.resize(self.relaxing.len() * columns, 0.0);
+        for (relaxation, row) in self.relaxing.iter().zip(self.relaxed.chunks_mut(columns)) {
+            relaxation.begin_slopes(x[relaxation.state], row);
+        }
+        for (stage, &(along, weight)) in stages.iter().enumerate() {
             let h = along * duration_s;
-            for ((stage, x), k) in self.x.iter_mut().zip(x).zip(&self.k) {
-                *stage = x + h * k;
+            for ((there, x), k) in self.x.iter_mut().zip(x).zip(&self.k) {
+                *there = x + h * k;
             }
             dynamics.linearise(&self.x, input, &mut self.linear);
             self.k.copy_from_slice(&self.linear.xdot);
             if stage == 0 {
                 self.dk.copy_from_slice(&self.linear.slopes);
+                if !self.relaxing.is_empty() {
+                    self.dx.clear();
+                    self.dx.extend_from_slice(&out.slopes);
+                }
             } else {
                 // dx = [1 | 0] + h dk, then dk = f_x dx + [0 | f_z].
                 self.dx.clear();
@@ -144,6 +168,17 @@ impl Stepper {
             for (slope, dk) in out.slopes.iter_mut().zip(&self.dk) {
                 *slope += scale * dk;
             }
+            for (relaxation, row) in self.relaxing.iter_mut().zip(self.relaxed.chunks_mut(columns)) {
+                let i = relaxation.state;
+                let own = i * columns..(i + 1) * columns;
+                let (y, rate) = (self.x[i], self.k[i]);
+                relaxation.take(stage, y, rate);
+                relaxation.take_slopes(stage, (y, &self.dx[own.clone()]), (rate, &self.dk[own]), row);
+            }
+        }
+        for (relaxation, row) in self.relaxing.iter().zip(self.relaxed.chunks(columns)) {
+            out.next[relaxation.state] = relaxation.next;
+            out.slopes[relaxation.state * columns..][..columns].copy_from_slice(row);
         }
     }
 }

@@ -23,6 +23,7 @@ mod links;
 mod local;
 mod parameters;
 mod quantity;
+mod relaxation;
 pub mod rotation;
 mod sensor;
 mod sensor_laws;
