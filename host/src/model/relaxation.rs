@@ -39,6 +39,11 @@ impl Relaxation {
         stages: usize,
     ) -> Self {
         let x = duration_s / time_constant_s;
+        if x == 0.0 {
+            // A step of no length, as that of a lane that stands still; the quotients below would be 0/0.
+            let weights = [[0.0; 2]; MOST_STAGES];
+            return Relaxation { state, column, time_constant_s, carried: [1.0, 0.0], weights, next: y };
+        }
         let carried = (-x).exp();
         // By x: e⁻ˣ falls with itself, the others by the rule of quotients; and dx/d ln T = −x.
         let (i0, by0) = (-(-x).exp_m1(), carried);
@@ -111,6 +116,18 @@ mod tests {
             let found = step(x, 0.4, c);
             assert!((found - expected).abs() <= 1e-11 * (1.0 + t * t), "{x}: {found} {expected}");
         }
+    }
+
+    #[test]
+    fn a_step_of_no_length_changes_nothing() {
+        let mut relaxation = Relaxation::begin((0, 1), 1e-3, 0.4, 0.0, 4);
+        let mut row = [f64::NAN; 2];
+        relaxation.begin_slopes(0.4, &mut row);
+        for stage in 0..4 {
+            relaxation.take(stage, 0.4, 7.0);
+            relaxation.take_slopes(stage, (0.4, &[1.0, 0.0]), (7.0, &[-1e3, 2.0]), &mut row);
+        }
+        assert_eq!((relaxation.next, row), (0.4, [1.0, 0.0]));
     }
 
     #[test]
