@@ -170,7 +170,7 @@ impl Parameters {
         self.of_symbol(symbol).for_each(|result| result.range = range);
     }
 
-    /// Says what the finest value of a logarithm of this symbol is that steps of the model follow: a search stays above it, and ends there where the truth is
+    /// Says what the finest value of a logarithm of this symbol is that readings tell anything of: a search stays above it, and ends there where the truth is
     /// finer, which is no reason not to believe it.
     pub fn no_finer(&mut self, symbol: &str, finest: f64) {
         self.of_symbol(symbol).for_each(|result| result.finest = Some(finest));
