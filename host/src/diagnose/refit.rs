@@ -15,7 +15,7 @@ use std::sync::Arc;
 use super::LEVEL;
 use super::axes::{axes, is_of};
 use super::candidate::Candidate;
-use super::event_time::timed;
+use super::event_time::{beside, timed};
 use super::found::{Named, Scanned, Search, laws};
 use super::scan::Scan;
 use super::significance::{p_of_family, p_of_score};
@@ -202,17 +202,24 @@ impl Refit<'_> {
     /// An event that few samples may not hold, on all of them: not from the current model, which it has bent.
     fn event(&self, named: Named) -> Scanned {
         let current = &self.found.trial;
-        let trial =
-            self.events.trimmed.as_ref().and_then(|trimmed| {
-                self.bench.fit_trimmed(&self.with(&named), (trimmed, current), EVENT_ITERATIONS).ok()
-            });
+        let fit = |named: &Named| {
+            let trimmed = self.events.trimmed.as_ref()?;
+            self.bench.fit_trimmed(&self.with(named), (trimmed, current), EVENT_ITERATIONS).ok()
+        };
+        let moved = beside((self.bench, current), named.clone());
+        let is_moved = moved.law.event_s() != named.law.event_s();
+        let cost = |trial: &Option<Trial>| trial.as_ref().map_or(f64::INFINITY, |trial| trial.cost);
+        let (as_told, beside) = (fit(&named), if is_moved { fit(&moved) } else { None });
+        let is_better = cost(&beside) < cost(&as_told);
+        let (named, trial) = if is_better { (moved, beside) } else { (named, as_told) };
         let mut scanned = Scanned::untried(named);
         self.judge(&mut scanned, trial.as_ref(), current);
         // The best of all samples and joints at which it was looked for.
         let looked_at = (self.bench.series().stages() * self.bench.series().joints()) as f64;
         let p = p_of_family(p_of_score(scanned.score / current.inflation, scanned.freedom), looked_at);
         scanned.p_family = self.family.p_of_family(p);
-        tracing::debug!(effect = scanned.named.effect.id, score = scanned.score, "event");
+        let at_s = scanned.named.law.event_s();
+        tracing::debug!(effect = scanned.named.effect.id, score = scanned.score, at_s, is_better, "event");
         scanned.trial = trial.filter(|_| scanned.score > 0.0);
         scanned
     }
