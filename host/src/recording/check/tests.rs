@@ -8,7 +8,7 @@ use super::{About, Check, check};
 use crate::recording::{
     Damage, Event, Firmware, LossBalance, Recorder, Recording, Row, Session, Severity, Source, Tick,
 };
-use crate::robot::Robot;
+use crate::robot::{Robot, Sensor};
 
 const BIAS_RAD_S: [f64; 3] = [0.02, -0.01, 0.005];
 
@@ -23,8 +23,12 @@ fn motion(t: f64) -> (f64, f64) {
 }
 
 /// 20 s of the one-joint robot, built from what its sensors must say; `change` may spoil each sample.
-fn recording_with(mut change: impl FnMut(&mut Sample)) -> Recording {
-    let robot = Robot::builtin("one_joint").unwrap();
+fn recording_with(change: impl FnMut(&mut Sample)) -> Recording {
+    recording_of(Robot::builtin("one_joint").unwrap(), change)
+}
+
+/// The same of a robot like it.
+fn recording_of(robot: Robot, mut change: impl FnMut(&mut Sample)) -> Recording {
     let rotation = robot.gyros().next().unwrap().rotation;
     let sigmas: Vec<f64> = robot.channels().iter().map(|channel| channel.sigma).collect();
     let mut rng = ChaCha8Rng::seed_from_u64(1);
@@ -222,6 +226,19 @@ fn another_rate_jitter_and_overruns_are_told() {
     only(&jitter, Severity::Warning, About::Timing, "jitter by 60.0 µs");
     let overrun = checked(|s| s.flags.set(Flags::OVERRUN, s.k == 8000));
     only(&overrun, Severity::Warning, About::Timing, "1 ticks overran");
+}
+
+#[test]
+fn the_steps_of_an_encoder_at_rest_are_no_motion() {
+    // Four times the gyro's visible rate by the encoder's noise alone, in 20 ms; the robot is slow only where it stands still.
+    let mut robot = Robot::builtin("one_joint").unwrap();
+    for sensor in &mut robot.sensors {
+        if let Sensor::MotorEncoder(encoder) = sensor {
+            encoder.sigma = 5e-4;
+        }
+    }
+    let found = check(&recording_of(robot, |s| s.duty *= if s.k < 15_200 { 6.0 } else { 1.0 })).findings;
+    assert!(!found.iter().any(|finding| finding.message.contains("does not turn")), "{found:#?}");
 }
 
 #[test]

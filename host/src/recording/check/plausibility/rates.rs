@@ -1,10 +1,10 @@
 //! Gyros against encoders. What the encoders predict of each gyro in slow motion, where transmissions hardly bend, is
 //! compared with what it reads; where they do not agree, the mistake is named that would make them.
 
-use super::stats::{full_input, mean_rate, position, range, window_mean};
+use super::stats::{full_input, half_window, mean_rate, position, range, window_mean};
 use super::unit;
 use crate::recording::check::{About, Findings};
-use crate::recording::{Recording, Severity};
+use crate::recording::{Channel, Recording, Severity};
 use crate::robot::{ChannelKind, Gyro};
 
 /// Up to this share of the full input a motion is slow: the gyros see the motors' speeds.
@@ -25,7 +25,7 @@ const ALIKE: f64 = 0.9;
 const EXPLAINS: f64 = 0.3;
 /// A joint that uses more of its range than this is told in the right unit: each mistake is larger than a factor of ten.
 const PLAUSIBLE_USE: f64 = 0.1;
-/// Motion below this many sigmas of the gyro proves nothing.
+/// Motion below this many sigmas of the gyro, or of speeds by the encoders, proves nothing.
 const VISIBLE_SIGMAS: f64 = 3.0;
 /// A motion shorter than this may be the swinging of a transmission.
 const LEAST_MOTION_S: f64 = 1.0;
@@ -42,6 +42,8 @@ pub(super) struct Scene<'a> {
     gyros: Vec<(&'a Gyro, Vec<[f64; 3]>)>,
     /// Time from one of these samples to the next, on the whole.
     period_s: f64,
+    /// Variance of a predicted rate by the noise of the encoders, of all axes together, (rad/s)²: what a robot that stands still seems to do.
+    still: f64,
 }
 
 /// What is assumed of the encoders.
@@ -64,9 +66,11 @@ impl<'a> Scene<'a> {
     pub(super) fn of(recording: &'a Recording) -> Option<Self> {
         let joints = recording.robot.joints.len();
         recording.robot.gyros().next()?;
-        let columns: Option<Vec<&[f64]>> =
-            (0..joints).map(|joint| Some(position(recording, joint)?.values.as_slice())).collect();
-        let columns = columns?;
+        let encoders: Option<Vec<&Channel>> = (0..joints).map(|joint| position(recording, joint)).collect();
+        let encoders = encoders?;
+        let span_s = 2.0 * half_window(recording) as f64 * recording.period_s;
+        let still = encoders.iter().map(|encoder| 2.0 * (encoder.spec.sigma / span_s).powi(2)).sum();
+        let columns: Vec<&[f64]> = encoders.iter().map(|encoder| encoder.values.as_slice()).collect();
         let speeds: Vec<Vec<f64>> = columns.iter().map(|values| mean_rate(recording, values)).collect();
         let most = SLOW_INPUT * full_input(recording);
         let quiet = |k: usize| recording.duty.iter().all(|u| u[k].abs() <= most);
@@ -97,7 +101,7 @@ impl<'a> Scene<'a> {
             Some((gyro, picks.iter().map(|&k| [axes[0][k], axes[1][k], axes[2][k]]).collect()))
         });
         let gyros = gyros.collect();
-        Some(Self { recording, motion, gyros, period_s: step as f64 * recording.period_s })
+        Some(Self { recording, motion, gyros, period_s: step as f64 * recording.period_s, still })
     }
 
     /// Share of the motion that the gyros miss, in the mean, if the encoders' columns are multiplied by `scale`; `None`
@@ -146,7 +150,7 @@ impl<'a> Scene<'a> {
         });
         let pairs: Vec<Pair> =
             predicted.zip(read).filter(|(_, read)| read.iter().all(|w| !w.is_nan())).map(|(p, r)| (p, *r)).collect();
-        Agreement::of(&pairs, gyro.sigma_rad_s, self.period_s)
+        Agreement::of(&pairs, gyro.sigma_rad_s, self)
     }
 }
 
@@ -165,7 +169,7 @@ struct Agreement {
 }
 
 impl Agreement {
-    fn of(pairs: &[Pair], sigma: f64, period_s: f64) -> Option<Self> {
+    fn of(pairs: &[Pair], sigma: f64, scene: &Scene<'_>) -> Option<Self> {
         if pairs.len() < LEAST_SAMPLES {
             return None;
         }
@@ -178,9 +182,10 @@ impl Agreement {
         let pr =
             std::array::from_fn(|i| std::array::from_fn(|j| mean(&|pair| (pair.0[i] - p[i]) * (pair.1[j] - r[j]))));
         let visible = 3.0 * (VISIBLE_SIGMAS * sigma).powi(2);
-        let (turned, read) = (pp.iter().sum::<f64>() >= visible, rr.iter().sum::<f64>() >= visible);
-        let turning = pairs.iter().filter(|(rate, _)| rate.iter().map(|w| w * w).sum::<f64>() >= visible).count();
-        let is_turned = turned && turning as f64 * period_s >= LEAST_MOTION_S;
+        let moves = visible.max(VISIBLE_SIGMAS.powi(2) * scene.still);
+        let (turned, read) = (pp.iter().sum::<f64>() >= moves, rr.iter().sum::<f64>() >= visible);
+        let turning = pairs.iter().filter(|(rate, _)| rate.iter().map(|w| w * w).sum::<f64>() >= moves).count();
+        let is_turned = turned && turning as f64 * scene.period_s >= LEAST_MOTION_S;
         let mut all = Self { pp, rr, pr, missed: 0.0, is_turned };
         all.missed = all.missed_if([(0, 1.0), (1, 1.0), (2, 1.0)], 1.0);
         (turned || read).then_some(all)
