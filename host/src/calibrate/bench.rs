@@ -53,15 +53,15 @@ impl Effort {
 /// The samples, the noise and what the motion does not determine: all that trials of models have in common.
 pub struct Bench<'a> {
     pub(super) robot: &'a Robot,
-    series: Series,
-    noise: Noise,
+    pub(super) series: Series,
+    pub(super) noise: Noise,
     /// The noise that the base model takes its errors for.
-    easy: Noise,
-    layout: Layout,
-    preset: Preset,
+    pub(super) easy: Noise,
+    pub(super) layout: Layout,
+    pub(super) preset: Preset,
     /// What the motion does not determine of the base model, in the unknowns of its border.
-    weak: Vec<Vec<f64>>,
-    base_unknowns: usize,
+    pub(super) weak: Vec<Vec<f64>>,
+    pub(super) base_unknowns: usize,
     pub(super) settings: Settings,
 }
 
@@ -193,35 +193,6 @@ impl<'a> Bench<'a> {
         self.search(laws, &Known { value: Box::new(value), ..from.known() }, &[], Effort::of(iterations))
     }
 
-    /// A bench for the same models on other samples of the robot, under the same noise. For [`Bench::cost_as`]: it knows of no direction that its samples
-    /// do not determine.
-    pub fn of_others(&self, series: Series) -> Self {
-        Bench {
-            robot: self.robot,
-            series,
-            noise: self.noise.clone(),
-            easy: self.easy.clone(),
-            layout: self.layout.clone(),
-            preset: self.preset,
-            weak: Vec::new(),
-            base_unknowns: self.base_unknowns,
-            settings: self.settings.clone(),
-        }
-    }
-
-    /// ½ Σ r² of these samples with the parameters of a trial, which may be another bench's: only states, biases and mountings are fitted.
-    ///
-    /// # Errors
-    /// A model that cannot be built or solved.
-    pub fn cost_as(&self, trial: &Trial) -> Result<f64, CalibrateError> {
-        let model = Model::extended(self.robot, trial.laws.clone())?;
-        let (mut problem, start, mut held) = self.at(&model, &Known { states: &[], ..trial.known() });
-        let size = problem.border().size();
-        held.extend((0..model.coordinates().len()).map(|own| (0..size).map(|i| f64::from(i == own)).collect()));
-        let start = self.eased(&mut problem, start, &held);
-        Ok(levenberg::minimise(&problem, start, &held, &self.settings, |_, _| {})?.cost)
-    }
-
     /// Whether the model of a trial on this bench leaves every bound as it runs free along the inputs: no simulation could use it.
     pub fn runs_away(&self, trial: &Trial) -> bool {
         let Ok(model) = Model::extended(self.robot, trial.laws.clone()) else { return true };
@@ -265,7 +236,7 @@ impl<'a> Bench<'a> {
 
     /// A nearer start: where the rows are far from small, a search under the tight weights of the bench creeps along the narrow valley that the
     /// states leave it. Under the noise that the base model takes its errors for the valley is wide, and its floor is near.
-    fn eased<'m>(&self, problem: &mut Problem<'m>, start: Point<'m>, held: &[Vec<f64>]) -> Point<'m> {
+    pub(super) fn eased<'m>(&self, problem: &mut Problem<'m>, start: Point<'m>, held: &[Vec<f64>]) -> Point<'m> {
         let rows = self.series.stages() * self.series.channels.len();
         let cost = levenberg::total_cost(problem, &start, self.settings.threads);
         if cost < 0.5 * FAR * rows as f64 {
@@ -388,26 +359,5 @@ mod tests {
             assert!((beside / alone - 1.0).abs() < 0.01, "{name}: {beside} beside a stop, {alone} without");
         }
         assert_eq!(error(&with, "end_stop.q_max[1]"), None);
-    }
-
-    #[test]
-    fn the_parameters_of_a_trial_cost_on_their_own_samples_what_the_trial_did() {
-        let robot = Robot::builtin("doggy").unwrap();
-        let options = Options { seed: 3, ..Options::new(robot.clone()) };
-        let whole = Direct::record(&options, SHORT_MOTION).unwrap().recording;
-        let recording = whole.part(0..8_000.min(whole.len()));
-        let base = fit(&robot, &[&recording], Preset::Default, &Settings::default(), |_, _| {}).unwrap();
-        let noise = base.noise.clone();
-        let (bench, trial) = Bench::new(&robot, base.series.clone(), &base, noise, Settings::default()).unwrap();
-        let others = bench.of_others(base.series.clone());
-        let same = others.cost_as(&trial).unwrap();
-        // rtol 1e-8 (measured 3e-15): states, biases and mountings are found again from their first guess.
-        assert!((same / trial.cost - 1.0).abs() < 1e-8, "{same} for {}", trial.cost);
-        let mut off = trial.clone();
-        off.values.iter_mut().find(|value| value.name == "k_s[2]").unwrap().estimate *= 1.01;
-        let more = others.cost_as(&off).unwrap();
-        // Measured 1035 = ½ 45²: alone, the stiffness would be known to a 45th of 1 %.
-        let lost = more - trial.cost;
-        assert!((900.0..1200.0).contains(&lost), "{lost}");
     }
 }

@@ -21,6 +21,7 @@ mod marginal;
 mod noise;
 mod noise_free;
 mod observability;
+mod others;
 mod outliers;
 mod point;
 mod possible;

@@ -93,15 +93,42 @@ impl Series {
     /// About so many stages in so many windows spread over all recordings, with the start of their rest, as a series of their own; none
     /// where that would be more than a third of them.
     pub fn excerpt(&self, samples: usize, windows: usize) -> Option<Series> {
+        Some(self.excerpt_of(&self.spread(samples, windows)?, samples / windows))
+    }
+
+    /// The windows of [`Self::excerpt`], of `samples / windows` stages each.
+    pub fn spread(&self, samples: usize, windows: usize) -> Option<Vec<Range<usize>>> {
         let (whole, length) = (self.stages(), samples / windows);
         if whole < 3 * samples {
             return None;
         }
+        let mut spread = Vec::with_capacity(windows + self.recordings.len());
+        for (recording, moving) in self.recordings.iter().zip(self.moving(length)) {
+            let count = (windows * recording.len()).div_ceil(whole);
+            let last = recording.end.saturating_sub(length);
+            let mut from = moving;
+            for window in 0..count {
+                let start = from.max(moving + last.saturating_sub(moving) * (window + 1) / count);
+                from = (start + length).min(recording.end);
+                spread.push(start..from);
+            }
+        }
+        Some(spread)
+    }
+
+    /// Where each recording goes on behind so many stages of its rest.
+    pub fn moving(&self, rest: usize) -> impl Iterator<Item = usize> {
+        self.rest.iter().map(move |at_rest| at_rest.start + at_rest.len().min(rest))
+    }
+
+    /// These windows, in order and apart, and so many stages of every recording's rest, as a series of their own.
+    pub fn excerpt_of(&self, windows: &[Range<usize>], rest: usize) -> Series {
+        let samples = windows.iter().map(Range::len).sum::<usize>() + rest * self.recordings.len();
         let mut part = Series {
-            measured: Vec::with_capacity(2 * samples * self.channels.len()),
-            input: Vec::with_capacity(2 * samples * self.joints),
-            duration_s: Vec::with_capacity(2 * samples),
-            time_s: Vec::with_capacity(2 * samples),
+            measured: Vec::with_capacity(samples * self.channels.len()),
+            input: Vec::with_capacity(samples * self.joints),
+            duration_s: Vec::with_capacity(samples),
+            time_s: Vec::with_capacity(samples),
             period_s: self.period_s,
             recordings: Vec::new(),
             segments: Vec::new(),
@@ -109,22 +136,16 @@ impl Series {
             channels: self.channels.clone(),
             joints: self.joints,
         };
-        for (recording, rest) in self.recordings.iter().zip(&self.rest) {
+        for ((recording, at_rest), moving) in self.recordings.iter().zip(&self.rest).zip(self.moving(rest)) {
             let first = part.stages();
-            let moving = rest.start + rest.len().min(length);
-            part.take(self, rest.start..moving);
+            part.take(self, at_rest.start..moving);
             part.rest.push(first..part.stages());
-            let count = (windows * recording.len()).div_ceil(whole);
-            let last = recording.end.saturating_sub(length);
-            let mut from = moving;
-            for window in 0..count {
-                let start = from.max(moving + last.saturating_sub(moving) * (window + 1) / count);
-                from = (start + length).min(recording.end);
-                part.take(self, start..from);
+            for window in windows.iter().filter(|window| recording.contains(&window.start)) {
+                part.take(self, window.clone());
             }
             part.recordings.push(first..part.stages());
         }
-        Some(part)
+        part
     }
 
     /// Appends stages of another series with the gaps that are among them.

@@ -28,6 +28,7 @@ mod significance;
 mod spline;
 mod tell;
 mod waves;
+mod windows;
 mod worth;
 mod yardstick;
 
@@ -40,6 +41,7 @@ pub use result::{
 pub use yardstick::yardstick;
 
 use std::cell::OnceCell;
+use std::ops::Range;
 
 use refit::Events;
 
@@ -169,11 +171,61 @@ fn fitted_and_unseen(recording: &Recording) -> [Recording; 2] {
 fn benches<'r>(robot: &'r Robot, base: &Fit, settings: &Settings) -> Result<[(Bench<'r>, Trial); 2], CalibrateError> {
     let noise = yardstick(robot, &base.series);
     let settings = Settings { relative_cost_change: ENOUGH, max_iterations: MOST_ITERATIONS, ..settings.clone() };
-    let bench = |samples: usize| {
-        let part = base.series.excerpt(samples, WINDOWS).unwrap_or_else(|| base.series.clone());
-        Bench::new(robot, part, base, noise.clone(), settings.clone())
-    };
+    let bench = |part: Series| Bench::new(robot, part, base, noise.clone(), settings.clone());
     let states = Model::new(robot).layout().size().min(STATES);
-    let few = FEW_SAMPLES * STATES * STATES / (states * states);
-    Ok([bench(few.min(ENOUGH_SAMPLES))?, bench(ENOUGH_SAMPLES)?])
+    let few = (FEW_SAMPLES * STATES * STATES / (states * states)).min(ENOUGH_SAMPLES);
+    let even = |samples: usize| base.series.spread(samples, WINDOWS);
+    let part = |samples: usize, windows: Option<Vec<Range<usize>>>| {
+        windows.map_or_else(|| base.series.clone(), |windows| base.series.excerpt_of(&windows, samples / WINDOWS))
+    };
+    let mut enough = bench(part(ENOUGH_SAMPLES, even(ENOUGH_SAMPLES)))?;
+    let costs = match even(few) {
+        Some(_) => enough.0.of_others(base.series.clone()).costs_as(&enough.1)?,
+        None => Vec::new(),
+    };
+    let elsewhere = |samples: usize| {
+        let (even, length) = (even(samples)?, samples / WINDOWS);
+        let ends = base.series.recordings.iter().map(|recording| recording.end);
+        let moving: Vec<Range<usize>> = base.series.moving(length).zip(ends).map(|(start, end)| start..end).collect();
+        windows::elsewhere(&even, length, &moving, &costs)
+    };
+    if let Some(windows) = elsewhere(ENOUGH_SAMPLES) {
+        tracing::debug!(?windows, "the samples that decide");
+        enough = bench(part(ENOUGH_SAMPLES, Some(windows)))?;
+    }
+    Ok([bench(part(few, elsewhere(few).or_else(|| even(few))))?, enough])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effect::Size;
+    use crate::link;
+    use crate::simulate::{self, Direct, EffectChoice};
+
+    /// A robot whose belt jumps where windows that are spread evenly over seventy seconds do not look.
+    const JUMPS_BETWEEN: u64 = 1;
+
+    #[test]
+    fn the_samples_that_decide_hold_what_happens_once() {
+        let robot = Robot::builtin("doggy").unwrap();
+        let motion = firmware::motion::preset::calibration(&link::joint_limits(&robot));
+        let effects = vec![EffectChoice { effect: Effect::by_id("belt_tooth_skip").unwrap(), size: Size::Level(-1.0) }];
+        let options = simulate::Options { seed: JUMPS_BETWEEN, effects, ..simulate::Options::new(robot.clone()) };
+        let Direct { recording, effects, .. } = Direct::record(&options, &toml::to_string(&motion).unwrap()).unwrap();
+        let jump_s = effects[0].parameters.iter().find(|value| value.unit == "s").unwrap().value;
+        let settings = Settings::default();
+        let method = Method::suited(Preset::Default, &robot);
+        let base = fit(&robot, &[&recording], method, &settings, |_, _| {}).unwrap();
+        let holds = |series: &Series| {
+            let near = (0..series.stages()).filter(|k| (series.time_s(*k) - jump_s).abs() < 0.02).count();
+            near >= 20
+        };
+        let even = base.series.excerpt(ENOUGH_SAMPLES, WINDOWS).unwrap();
+        assert!(!holds(&even), "the jump at {jump_s} s is in the even windows: another seed");
+        let [(few, _), (bench, _)] = benches(&robot, &base, &settings).unwrap();
+        assert!(holds(few.series()) && holds(bench.series()), "{jump_s} s");
+        let ratio = bench.series().stages() as f64 / even.stages() as f64;
+        assert!((0.9..=1.0).contains(&ratio), "{ratio} times as many samples");
+    }
 }
