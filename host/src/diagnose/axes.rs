@@ -5,6 +5,9 @@ use crate::calibrate::{Trial, TrialValue};
 use crate::effect::Effect;
 use crate::model::law::{Law, Of};
 
+/// Parameters that say how an effect goes, not how much of it there is.
+const SHAPES: [&str; 4] = [".phi", ".q0", ".tau", ".bending"];
+
 /// Whether a result is a parameter of this effect.
 pub fn is_of(effect: &Effect, name: &str) -> bool {
     name.strip_prefix(effect.id).is_some_and(|rest| rest.starts_with('.'))
@@ -21,7 +24,7 @@ pub fn axes(effect: &Effect, trial: &Trial) -> Vec<usize> {
     let of_joints: Vec<_> = trial
         .values
         .iter()
-        .filter(|value| !value.name.contains(".phi") && !value.name.contains(".q0") && !value.name.contains(".tau"))
+        .filter(|value| !SHAPES.iter().any(|shape| value.name.contains(shape)))
         .filter_map(|value| Some((joint(&value.name)?, value)))
         .collect();
     let significance = |value: &TrialValue| value.std_error.map_or(0.0, |error| value.estimate.abs() / error);

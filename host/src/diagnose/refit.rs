@@ -19,6 +19,7 @@ use super::event_time::{beside, timed};
 use super::found::{Named, Scanned, Search, laws};
 use super::scan::Scan;
 use super::significance::{p_of_family, p_of_score};
+use super::worth::Scale;
 use crate::calibrate::{Bench, Trial, Trimmed};
 use crate::effect::Effect;
 use crate::model::law::Law;
@@ -197,6 +198,22 @@ impl Refit<'_> {
         let trial = self.bench.fit_from(&self.with(&scanned.named), (from, current), ITERATIONS).ok();
         self.judge(scanned, trial.as_ref(), current);
         scanned.trial = trial.filter(|_| scanned.score > 0.0);
+        self.sharpened(scanned);
+    }
+
+    /// The same law with sharper corners, from where it ended: a search from afar would not get over them.
+    fn sharpened(&self, scanned: &mut Scanned) {
+        let Some(sharp) = scanned.named.law.sharp().filter(|_| !scanned.named.law.is_event()) else { return };
+        let Some(trial) = &scanned.trial else { return };
+        let mut other = Scanned::untried(Named { effect: scanned.named.effect, law: sharp });
+        let Ok(sharp) = self.bench.fit_from(&self.with(&other.named), (trial, trial), ITERATIONS) else { return };
+        self.judge(&mut other, Some(&sharp), &self.found.trial);
+        tracing::debug!(effect = other.named.effect.id, score = other.score, before = scanned.score, "sharp");
+        let scale = Scale::after(&sharp, self.bench.series().stages());
+        if scale.worth(other.score, other.freedom) > scale.worth(scanned.score, scanned.freedom) {
+            other.trial = Some(sharp);
+            *scanned = other;
+        }
     }
 
     /// An event that few samples may not hold, on all of them: not from the current model, which it has bent.

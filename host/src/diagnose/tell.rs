@@ -40,11 +40,20 @@ pub fn tell(
         };
         let parameters: Vec<_> =
             extended.calibration.parameters.iter().filter(|p| is_of(effect, &p.name)).cloned().collect();
+        // A stop that is never met has a number on few samples, and none on all of them.
+        let is_shown = |axis: &usize| {
+            let suffix = format!("[{axis}]");
+            parameters.iter().any(|p| p.identifiable && p.std_error.is_some() && p.name.ends_with(&suffix))
+        };
+        let mut axes = axes(effect, &found.trial);
+        if axes.iter().any(is_shown) {
+            axes.retain(is_shown);
+        }
         let left_in_place = found.left.iter().filter(|c| c.curves.place.row() == effect.row && c.p_family < LEVEL);
         let left_in_place = left_in_place.map(|c| c.score.max(0.0)).fold(0.0, f64::max);
         findings.push(Finding {
             effect: effect.id.to_string(),
-            axes: axes(effect, &found.trial),
+            axes,
             row: effect.row,
             score: accepted.score,
             p_value: accepted.p_family,

@@ -13,7 +13,7 @@
 
 use rand::{Rng, RngExt};
 
-use super::surrogate::{At, Hook, Law, Laws, Of, Parameters, Quantity, acts_on_joints, each};
+use super::surrogate::{Arc, At, Hook, Law, Laws, Of, Parameters, Quantity, acts_on_joints, each};
 use super::{Effect, EffectError, EffectParameter, Hidden, Line, Moment, Physics, Row, Size, draw};
 use crate::robot::{JointKind, Robot, Symbol};
 
@@ -123,6 +123,8 @@ const LAW_BENDING_RAD: f64 = 2e-4;
 /// They settle no faster, shares of a sampling period, nor 1/s: an explicit step of a period carries them.
 const LAW_FASTEST_STEPS: f64 = 1.0;
 const LAW_FASTEST_PER_S: f64 = 1e3;
+/// What divides by μ takes it for this at least, N m.
+const LEAST_MU: f64 = 1e-3;
 /// A step of their share may be wrong by this.
 const SIGMA: f64 = 1e-3;
 
@@ -143,6 +145,17 @@ struct StribeckLaw {
     bending: f64,
     /// c, 1/s.
     fastest: f64,
+    /// Of every joint.
+    rubs: Vec<Rub>,
+}
+
+/// A joint's own.
+#[derive(Debug, Clone, Copy)]
+struct Rub {
+    /// μ as the description has it, N m.
+    mu: f64,
+    /// Motor inertia, kg m².
+    b: f64,
 }
 
 impl Law for StribeckLaw {
@@ -160,6 +173,10 @@ impl Law for StribeckLaw {
 
     fn state_sigma(&self, _joint: usize) -> f64 {
         SIGMA
+    }
+
+    fn sharp(&self) -> Option<Arc<dyn Law>> {
+        Some(Arc::new(StickingLaw::of(self)))
     }
 
     acts_on_joints!();
@@ -187,6 +204,9 @@ fn laws(robot: &Robot) -> Laws {
     let slides = joints.iter().all(|joint| robot.joints[*joint].kind == JointKind::Prismatic);
     let (scale, unit) = if slides { (0.1, "m/s") } else { (1.0, "rad/s") };
     let fastest = LAW_FASTEST_PER_S.min(LAW_FASTEST_STEPS / robot.sample_period_s);
+    let of_joint = |symbol, joint| draw::nominal(robot, symbol, joint);
+    let rub = |joint| Rub { mu: of_joint(Symbol::Mu, joint).max(LEAST_MU), b: of_joint(Symbol::B, joint) };
+    let rubs: Vec<Rub> = (0..robot.joints.len()).map(rub).collect();
     each(SPEEDS_RAD_S.map(|speed| {
         let speed = scale * speed;
         let mut parameters = Parameters::on(EFFECT.id, robot);
@@ -194,6 +214,159 @@ fn laws(robot: &Robot) -> Laws {
             parameters.plain("dmu", "N m", Of::Joint(joint), 0.0);
         }
         parameters.chosen("v_s", unit, speed);
-        StribeckLaw { parameters, joints: joints.clone(), speed, bending: scale * LAW_BENDING_RAD, fastest }
+        let rubs = rubs.clone();
+        StribeckLaw { parameters, joints: joints.clone(), speed, bending: scale * LAW_BENDING_RAD, fastest, rubs }
     }))
+}
+
+/// The range of v_s where it is fitted, shares of where it starts.
+const SPEED_RANGE: [f64; 2] = [0.2, 5.0];
+/// How far the bristles of the law that sticks bend at μ, where the search starts and at least and most, shares of [`LAW_BENDING_RAD`].
+const STICKING_BENDING: f64 = 0.1;
+const BENDING_RANGE: [f64; 2] = [1e-3, 10.0];
+/// They settle no faster, shares of a sampling period: a Runge-Kutta step carries them up to 2.8.
+const STICKING_FASTEST_STEPS: f64 = 2.0;
+/// g(v) is no less than about this share of μ.
+const LEAST_SLIDING: f64 = 0.02;
+
+/// All of the friction carried by bristles, as in the plant: the robot sticks up to μ + Δμ and does not creep at all. Next to nothing of it is linear, so a
+/// search starts where the law above has ended.
+///
+/// ```text
+/// g = μ + Δμ e^−(v/v_s)²        k = σ₀ |v| / g, no faster than c:  κ = c / (c + k)        σ₀ = μ₀ / z₀, μ₀ as described
+/// ẇ = κ (σ₀ v − k w)            τ_f = w + (σ₁/σ₀) e^−(v/v_d)² ẇ                           σ₁ = 2 ζ √(σ₀ b)
+/// ```
+/// The state is w, N m. Fitted are Δμ and z₀ of every joint, and v_s.
+#[derive(Debug)]
+struct StickingLaw {
+    parameters: Parameters,
+    joints: Vec<usize>,
+    rubs: Vec<Rub>,
+    /// v_d, rad/s.
+    damped_below: f64,
+    /// c, 1/s.
+    fastest: f64,
+}
+
+impl StickingLaw {
+    /// Started where that one starts.
+    fn of(law: &StribeckLaw) -> Self {
+        let speed = &law.parameters.results[law.parameters.results.len() - 1];
+        let scale = law.bending / LAW_BENDING_RAD;
+        let length = if speed.unit == "m/s" { "m" } else { "rad" };
+        let mut parameters = law.parameters.cleared();
+        for &joint in &law.joints {
+            parameters.plain("dmu", "N m", Of::Joint(joint), 0.0);
+        }
+        for &joint in &law.joints {
+            parameters.positive("bending", length, Of::Joint(joint), STICKING_BENDING * law.bending);
+        }
+        parameters.positive("v_s", speed.unit, Of::All, law.speed);
+        parameters.within("bending", BENDING_RANGE.map(|share| share * law.bending));
+        parameters.within("v_s", SPEED_RANGE.map(|share| share * law.speed));
+        StickingLaw {
+            parameters,
+            joints: law.joints.clone(),
+            rubs: law.rubs.clone(),
+            damped_below: scale * DAMPED_BELOW_RAD_S,
+            fastest: STICKING_FASTEST_STEPS * law.fastest / LAW_FASTEST_STEPS,
+        }
+    }
+}
+
+impl Law for StickingLaw {
+    fn parameters(&self) -> &Parameters {
+        &self.parameters
+    }
+
+    fn hooks(&self) -> &'static [Hook] {
+        &[Hook::Friction, Hook::StateRate]
+    }
+
+    fn has_state(&self, joint: usize) -> bool {
+        self.joints.contains(&joint)
+    }
+
+    fn state_sigma(&self, joint: usize) -> f64 {
+        SIGMA * self.rubs[joint].mu
+    }
+
+    acts_on_joints!();
+}
+
+impl StickingLaw {
+    #[inline(always)]
+    fn act<T: Quantity>(&self, hook: Hook, at: &At<'_, T>, quantity: T) -> T {
+        let [dmu, ln_bending, ln_speed] = *at.parameters else { return quantity };
+        let (v, rub) = (at.friction_speed, self.rubs[at.joint]);
+        let stiffness = (-ln_bending).exp() * rub.mu;
+        let share = v * (-ln_speed).exp();
+        let falling = (-(share * share)).exp();
+        let sliding = (at.mu + dmu * falling).ramp(LEAST_SLIDING * rub.mu);
+        let settling = v.abs() * sliding.recip() * stiffness;
+        let capped = (settling + T::from(self.fastest)).recip() * self.fastest;
+        let rate = capped * (v * stiffness - settling * at.own);
+        if hook == Hook::StateRate {
+            return rate;
+        }
+        let slowly = v * self.damped_below.recip();
+        // σ₁/σ₀ = 2 ζ √(b z₀ / μ₀)
+        let damping_s = (ln_bending * 0.5).exp() * (2.0 * DAMPING_RATIO * (rub.b / rub.mu).sqrt());
+        quantity - at.coulomb() + at.own + damping_s * (-(slowly * slowly)).exp() * rate
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Doggy's pitch at this speed of the motor: μ = 2.5 N m.
+    fn asked(law: &dyn Law, hook: Hook, (own, speed): (f64, f64), parameters: &[f64]) -> f64 {
+        let friction_sign = (200.0 * speed).tanh();
+        let at = At {
+            joint: 1,
+            time_s: 0.0,
+            q: 0.0,
+            qd: 0.0,
+            theta: 0.0,
+            thetad: speed,
+            driving: 0.0,
+            k_mi: 30.0,
+            mu: 2.5,
+            k_s: 400.0,
+            d_s: 1.5,
+            friction_speed: speed,
+            friction_sign,
+            transmitted: 0.0,
+            parameters,
+            own,
+        };
+        law.plain(hook, &at, if hook == Hook::Friction { at.coulomb() } else { 0.0 })
+    }
+
+    /// The bristles at rest in their own motion, and the friction then.
+    #[test]
+    fn the_law_that_sticks_slides_as_the_effect_does_and_holds_what_its_bristles_hold() {
+        let robot = Robot::builtin("doggy").unwrap();
+        let law = laws(&robot).unwrap().swap_remove(0).sharp().unwrap();
+        let (dmu, v_s) = (1.5, 0.08);
+        let parameters = [dmu, 1e-5f64.ln(), f64::ln(v_s)];
+        for speed in [0.01_f64, -0.04, 0.08, -0.2, 4.0] {
+            let sliding = speed.signum() * (2.5 + dmu * (-(speed / v_s).powi(2)).exp());
+            // rtol 1e-9: both terms of the rate are much larger.
+            let rate = asked(&*law, Hook::StateRate, (sliding, speed), &parameters);
+            assert!(rate.abs() < 1e-9 * 2.5 / 1e-5 * speed.abs(), "{speed}: {rate}");
+            let friction = asked(&*law, Hook::Friction, (sliding, speed), &parameters);
+            assert!((friction - sliding).abs() < 1e-6, "{speed}: {friction} for {sliding}");
+        }
+        // Pushed by less than μ + Δμ it stands, to either side.
+        for held in [-3.9, -1.0, 0.0, 2.6, 3.9] {
+            assert_eq!(asked(&*law, Hook::StateRate, (held, 0.0), &parameters), 0.0);
+            assert_eq!(asked(&*law, Hook::Friction, (held, 0.0), &parameters), held);
+        }
+        // And they load as a spring of μ₀/z₀ does.
+        let stiffness = draw::nominal(&robot, Symbol::Mu, 1) / 1e-5;
+        let rate = asked(&*law, Hook::StateRate, (0.0, 1e-6), &parameters);
+        assert!((rate / (stiffness * 1e-6) - 1.0).abs() < 1e-3, "{rate}");
+    }
 }

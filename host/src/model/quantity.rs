@@ -3,6 +3,9 @@
 use super::elementary;
 use crate::robot::chain::{Arithmetic, Lanes};
 
+/// So many widths from its corner a ramp is a line.
+const FAR_FROM_CORNER: f64 = 40.0;
+
 /// What the laws of joints and sensors need of their scalar.
 pub trait Quantity: Arithmetic {
     /// The value without derivatives.
@@ -38,11 +41,12 @@ pub trait Quantity: Arithmetic {
         self.through(value, 1.0 - value * value)
     }
 
-    /// max(x, 0) with a corner rounded over ± `width`: w ln(1 + e^(x/w)). Its slope is the logistic function.
+    /// max(x, 0) with a corner rounded over ± `width`: w ln(1 + e^(x/w)). Its slope is the logistic function. Nothing at all where it is below the
+    /// digits of a number of the corner's size: a slope of 1e-40 is still one to a search.
     #[inline(always)]
     fn ramp(self, width: f64) -> Self {
         let a = self.re() / width;
-        let e = (-a.abs()).exp();
+        let e = if a.abs() > FAR_FROM_CORNER { 0.0 } else { (-a.abs()).exp() };
         let slope = if a < 0.0 { e / (1.0 + e) } else { 1.0 / (1.0 + e) };
         self.through(width * (a.max(0.0) + elementary::ln_of_one_and(e)), slope)
     }
@@ -118,6 +122,8 @@ mod tests {
     fn a_ramp_is_finite_far_away_and_odd_parts_cancel() {
         assert_eq!(Quantity::ramp(-1e6, 1e-3), 0.0);
         assert_eq!(Quantity::ramp(1e6, 1e-3), 1e6);
+        let far = variable::<1>(-0.05, 0).ramp(1e-3);
+        assert_eq!((far.re, far.slope[0]), (0.0, 0.0));
         for x in [-0.4, -1e-4, 0.0, 2e-4, 0.3] {
             assert!((Quantity::ramp(x, 1e-3) - Quantity::ramp(-x, 1e-3) - x).abs() < 1e-15);
         }
