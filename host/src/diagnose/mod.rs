@@ -178,22 +178,21 @@ fn benches<'r>(robot: &'r Robot, base: &Fit, settings: &Settings) -> Result<[(Be
     let part = |samples: usize, windows: Option<Vec<Range<usize>>>| {
         windows.map_or_else(|| base.series.clone(), |windows| base.series.excerpt_of(&windows, samples / WINDOWS))
     };
-    let mut enough = bench(part(ENOUGH_SAMPLES, even(ENOUGH_SAMPLES)))?;
-    let costs = match even(few) {
-        Some(_) => enough.0.of_others(base.series.clone()).costs_as(&enough.1)?,
-        None => Vec::new(),
-    };
+    let enough = bench(part(ENOUGH_SAMPLES, even(ENOUGH_SAMPLES)))?;
+    if even(ENOUGH_SAMPLES).is_none() {
+        return Ok([bench(part(few, even(few)))?, enough]);
+    }
+    let costs = enough.0.of_others(base.series.clone()).costs_as(&enough.1)?;
     let elsewhere = |samples: usize| {
         let (even, length) = (even(samples)?, samples / WINDOWS);
         let ends = base.series.recordings.iter().map(|recording| recording.end);
         let moving: Vec<Range<usize>> = base.series.moving(length).zip(ends).map(|(start, end)| start..end).collect();
         windows::elsewhere(&even, length, &moving, &costs)
     };
-    if let Some(windows) = elsewhere(ENOUGH_SAMPLES) {
-        tracing::debug!(?windows, "the samples that decide");
-        enough = bench(part(ENOUGH_SAMPLES, Some(windows)))?;
-    }
-    Ok([bench(part(few, elsewhere(few).or_else(|| even(few))))?, enough])
+    let Some(windows) = elsewhere(ENOUGH_SAMPLES) else { return Ok([bench(part(few, even(few)))?, enough]) };
+    tracing::debug!(?windows, "the samples that decide");
+    let few = bench(part(few, elsewhere(few).or_else(|| even(few))))?;
+    Ok([few, bench(part(ENOUGH_SAMPLES, Some(windows)))?])
 }
 
 #[cfg(test)]

@@ -169,8 +169,24 @@ impl Scanned {
     }
 }
 
+/// The same law with the corners that a search from afar would not get over. Events have them where they start.
+fn sharp(named: &Named) -> Option<Named> {
+    let law = named.law.sharp().filter(|_| !named.law.is_event())?;
+    Some(Named { effect: named.effect, law })
+}
+
 impl Refit<'_> {
     fn on_few_samples(&self, named: Named) -> Scanned {
+        let sharp = sharp(&named);
+        let scanned = self.tried_on_few(named);
+        // What led nowhere may be for want of its corners.
+        match sharp {
+            Some(sharp) if scanned.score == 0.0 && scanned.bent.is_none() => self.tried_on_few(sharp),
+            _ => scanned,
+        }
+    }
+
+    fn tried_on_few(&self, named: Named) -> Scanned {
         let trial = self.few.fit_on_top(&self.with(&named), self.on_few, ITERATIONS).ok();
         let mut scanned = Scanned::untried(named);
         self.judge(&mut scanned, trial.as_ref(), self.on_few);
@@ -201,11 +217,10 @@ impl Refit<'_> {
         self.sharpened(scanned);
     }
 
-    /// The same law with sharper corners, from where it ended: a search from afar would not get over them.
+    /// The same law with its corners, from where it ended without.
     fn sharpened(&self, scanned: &mut Scanned) {
-        let Some(sharp) = scanned.named.law.sharp().filter(|_| !scanned.named.law.is_event()) else { return };
-        let Some(trial) = &scanned.trial else { return };
-        let mut other = Scanned::untried(Named { effect: scanned.named.effect, law: sharp });
+        let Some((sharp, trial)) = sharp(&scanned.named).zip(scanned.trial.as_ref()) else { return };
+        let mut other = Scanned::untried(sharp);
         let Ok(sharp) = self.bench.fit_from(&self.with(&other.named), (trial, trial), ITERATIONS) else { return };
         self.judge(&mut other, Some(&sharp), &self.found.trial);
         tracing::debug!(effect = other.named.effect.id, score = other.score, before = scanned.score, "sharp");

@@ -13,7 +13,7 @@ use std::sync::Arc;
 use super::axes::axes_of_score;
 use super::candidate::Candidate;
 use super::curves::{REFITTED, best_curves};
-use super::found::{Accepted, FINAL_ITERATIONS, LEVEL, Named, Scanned, Search, laws};
+use super::found::{Accepted, CurveFit, FINAL_ITERATIONS, LEVEL, Named, Scanned, Search, laws};
 use super::refit::{Events, Refit, refit, straighten};
 use super::scan::Scan;
 use super::settle::accept;
@@ -62,6 +62,8 @@ pub fn search(
     // Where the search stood when it accepted a cause that no robot can have, or that does not hold its own against a curve, unless another
     // one is found beside it.
     let mut before_doubt: Option<(Search, Doubt)> = None;
+    // And before it accepted any.
+    let mut before_all: Option<Search> = None;
     loop {
         step("scanning the catalogue");
         let (mut scanned, of_few) = scan(few, &found.accepted, &on_few, candidates)?;
@@ -137,6 +139,10 @@ pub fn search(
                 let from = best.on_few.clone();
                 let (before, refused) = (found.clone(), best.clone());
                 let (leans, row) = (!enough(best.score), best.named.effect.row);
+                if before.accepted.is_empty() {
+                    before_all =
+                        Some(Search { refused: Some(refused.clone()), left: curves.clone(), ..before.clone() });
+                }
                 accept(bench, &mut found, best, &refitted)?;
                 let is_possible = found.trial.is_possible();
                 if !is_possible {
@@ -166,15 +172,27 @@ pub fn search(
                 let is_disputed = rival.is_some();
                 found.refused = best;
                 found.left = curves;
-                return Ok(match before_doubt {
+                let found = match before_doubt {
                     // Nothing is left that would speak against it.
                     Some((_, Doubt::Leans(_))) if !is_disputed => found,
                     Some((before, _)) => before,
                     None => found,
-                });
+                };
+                return Ok(before_all.filter(|_| imitates_a_curve(&found, base)).unwrap_or(found));
             }
         }
     }
+}
+
+/// Whether what was found are pieces of one cause that has no name. Spring, constant and an encoder's error together are nearly gravity: then one curve
+/// explains more on the base model than all of them, and a curve on the same place is still missing beside them. True causes leave it nothing.
+fn imitates_a_curve(found: &Search, base: &Trial) -> bool {
+    let explained = 2.0 * (base.cost - found.trial.cost);
+    let Some(first) = found.first_curves.first().filter(|first| first.score >= explained) else { return false };
+    let is_missing = |left: &CurveFit| left.curves.place == first.curves.place && left.p_family < LEVEL;
+    let imitates = found.accepted.len() > 1 && found.left.iter().any(is_missing);
+    tracing::debug!(explained, by_one_curve = first.score, imitates, "pieces of one curve?");
+    imitates
 }
 
 /// What the best law gains together with another of the refitted ones on the same equation, as soon as that is `enough`: where two causes follow
