@@ -33,8 +33,6 @@ const SEED: u64 = 20;
 const SIZES: [&str; 2] = ["small", "@-2"];
 /// Filters that are faster than the plant's step can follow are none; stiction has no such size.
 const NOT_TINY: [&str; 2] = ["gyro_lag", "stribeck"];
-/// Where a robot sticks, equation (12) creeps, and what makes up for it is no size: 7 times Δμ were measured where it is small.
-const NAME_ALONE: [&str; 1] = ["stribeck"];
 
 /// What the diagnosis has no name for, and in which robot.
 const OUTSIDER: (&str, u64) = ("cogging", 3);
@@ -79,14 +77,11 @@ fn what_is_hidden_is_found() {
         }
         assert_eq!(named, &case.effects, "{case:?}");
         assert_eq!(*verdict, if named.is_empty() { Verdict::None } else { Verdict::Named }, "{case:?}");
-        // 4.2 % of small effects measured, and 17 % of those two levels below.
+        // 6.7 % of small effects measured, and 17 % of those two levels below.
         let limit = if case.size == SIZES[0] { 0.08 } else { 0.3 };
         let worst = errors.iter().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
         eprintln!("{:?}, {}: worst parameter {worst:?}", case.effects, case.size);
         for (name, error) in errors {
-            if NAME_ALONE.iter().any(|effect| name.starts_with(effect)) {
-                continue;
-            }
             assert!(error.abs() < limit, "{name} is off by {error}: {case:?}");
         }
     }

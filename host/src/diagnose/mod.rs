@@ -187,7 +187,8 @@ fn benches<'r>(robot: &'r Robot, base: &Fit, settings: &Settings) -> Result<[(Be
         let (even, length) = (even(samples)?, samples / WINDOWS);
         let ends = base.series.recordings.iter().map(|recording| recording.end);
         let moving: Vec<Range<usize>> = base.series.moving(length).zip(ends).map(|(start, end)| start..end).collect();
-        windows::elsewhere(&even, length, &moving, &costs)
+        let noise = 0.5 * base.series.channels.len() as f64;
+        windows::elsewhere(&even, length, &moving, (&costs, noise))
     };
     let Some(windows) = elsewhere(ENOUGH_SAMPLES) else { return Ok([bench(part(few, even(few)))?, enough]) };
     tracing::debug!(?windows, "the samples that decide");
