@@ -134,7 +134,8 @@ mod tests {
     }
 
     fn elsewhere_of(costs: &[f64]) -> Option<Vec<Range<usize>>> {
-        elsewhere(&even(), LENGTH, &[200..costs.len()], (costs, 4.5))
+        let moving = 200..costs.len();
+        elsewhere(&even(), LENGTH, std::slice::from_ref(&moving), (costs, 4.5))
     }
 
     #[test]
