@@ -12,7 +12,7 @@ use std::ops::Range;
 
 /// Something happens where samples cost so many times what they do anywhere in the even windows …
 const WORSE: f64 = 1.5;
-/// … or so many times, where these show that the model is wrong: blows of free play differ by 14 times, a belt that jumps costs 31 times what its windows do.
+/// … or in a blow so many times, where these show that the model is wrong: those of free play differ by 14 times, a belt that jumps costs 31 times what its windows do.
 const FAR_WORSE: f64 = 20.0;
 /// They do where samples cost so many times what noise does.
 const WRONG: f64 = 2.0;
@@ -41,7 +41,8 @@ pub fn elsewhere(
         most(&mut even.iter().flat_map(|window| window.clone().map(|k| blow_in(window, k)))),
         most(&mut even.iter().filter(|window| 2 * window.len() > length).map(mean)),
     ];
-    let worse = if usual_mean > WRONG * noise { FAR_WORSE } else { WORSE };
+    let is_wrong = usual_mean > WRONG * noise;
+    let worse = if is_wrong { FAR_WORSE } else { WORSE };
     let mut new: Vec<Range<usize>> = Vec::new();
     while new.len() < MOST_ELSEWHERE {
         let free = free(moving, even, &new);
@@ -50,7 +51,7 @@ pub fn elsewhere(
             .iter()
             .flat_map(|gap| windows_in(gap, length))
             .max_by(|a, b| mean(a).total_cmp(&mean(b)))
-            .filter(|window| mean(window) > worse * usual_mean);
+            .filter(|window| !is_wrong && mean(window) > worse * usual_mean);
         let of_hit = hit
             .filter(|k| blow(*k) > worse * usual_blow)
             .and_then(|k| Some(around(k, free.iter().find(|gap| gap.contains(&k))?, length)));
