@@ -42,6 +42,9 @@ const SHRINKS: f64 = 0.3;
 /// A change of the cost with which it still falls.
 const FALLING: f64 = 0.02;
 
+/// A search that costs too much is none that is given up, while steps like its last one would bring it down within so many more.
+const SOON: i32 = 3;
+
 /// When to stop, how much to damp, how many threads to use.
 #[derive(Debug, Clone)]
 pub struct Settings {
@@ -49,7 +52,7 @@ pub struct Settings {
     pub max_iterations: usize,
     /// Most of them while the cost still falls by a fiftieth with each. Default 60, which is none beyond the others.
     pub most_while_falling: usize,
-    /// A search that costs more than this after so many iterations ends there. Default none.
+    /// A search that costs more than this after so many iterations ends there, unless it falls so fast that it soon will not. Default none.
     pub hopeless: Option<Hopeless>,
     /// Converged when an accepted step changes the cost by less than this share. Default 1e-9.
     pub relative_cost_change: f64,
@@ -68,6 +71,13 @@ pub struct Hopeless {
     pub after: usize,
     /// ½ Σ r².
     pub above: f64,
+}
+
+impl Hopeless {
+    /// Whether a search is, whose last step, number `iterations`, made `cost` of `before`.
+    fn is(&self, iterations: usize, before: f64, cost: f64) -> bool {
+        iterations >= self.after && cost * (cost / before).powi(SOON) > self.above
+    }
 }
 
 impl Default for Settings {
@@ -360,7 +370,7 @@ pub fn minimise<P: LeastSquares>(
         let change = (cost - accepted.cost) / accepted.cost.max(f64::MIN_POSITIVE);
         still_falls = change > FALLING;
         std::mem::swap(&mut point, &mut trial);
-        cost = accepted.cost;
+        let before = std::mem::replace(&mut cost, accepted.cost);
         let iteration = Iteration { cost, damping: accepted.damping, trials, by_old_factor: is_old };
         progress(iterations.len() + 1, &iteration);
         iterations.push(iteration);
@@ -375,7 +385,7 @@ pub fn minimise<P: LeastSquares>(
             break;
         }
         factor_is_final = false;
-        if settings.hopeless.is_some_and(|hopeless| iterations.len() >= hopeless.after && cost > hopeless.above) {
+        if settings.hopeless.is_some_and(|hopeless| hopeless.is(iterations.len(), before, cost)) {
             break;
         }
         let shrinks = promised_before.is_none_or(|before| undamped_promise < SHRINKS * before);

@@ -16,7 +16,7 @@ use super::LEVEL;
 use super::axes::{axes, is_of};
 use super::candidate::Candidate;
 use super::event_time::{beside, timed};
-use super::found::{Named, Scanned, Search, laws};
+use super::found::{CurveFit, Named, Scanned, Search, laws};
 use super::scan::Scan;
 use super::significance::{p_of_family, p_of_score};
 use super::worth::Scale;
@@ -105,6 +105,22 @@ pub fn straighten(on: &Refit<'_>, refitted: &mut [Scanned]) {
             }
         }
         tracing::debug!(effect = s.named.effect.id, score = s.score, "straightened");
+    }
+}
+
+/// Refits on the samples that decide what led nowhere on few ones, from the end of a curve where such a law acts: it has brought all the rest of the
+/// model to where the law's own shape is the next step.
+pub fn from_a_curve(on: &Refit<'_>, curve: &CurveFit, refitted: &mut [Scanned]) {
+    let hook = curve.curves.place.hook;
+    let led_nowhere = |s: &&mut Scanned| s.score == 0.0 && s.bent.is_none() && s.named.law.hooks().contains(&hook);
+    for s in refitted.iter_mut().filter(led_nowhere) {
+        let ends = (&curve.trial, &curve.trial);
+        let trial = on.bench.fit_from(&on.with(&s.named), ends, ITERATIONS).ok();
+        on.judge(s, trial.as_ref(), &on.found.trial);
+        // Few samples cannot straighten it: nothing of it is known there.
+        s.bent = None;
+        s.trial = trial.filter(|_| s.score > 0.0);
+        tracing::debug!(effect = s.named.effect.id, score = s.score, by_curve = curve.score, "from a curve");
     }
 }
 
@@ -221,7 +237,13 @@ impl Refit<'_> {
     fn sharpened(&self, scanned: &mut Scanned) {
         let Some((sharp, trial)) = sharp(&scanned.named).zip(scanned.trial.as_ref()) else { return };
         let mut other = Scanned::untried(sharp);
-        let Ok(sharp) = self.bench.fit_from(&self.with(&other.named), (trial, trial), ITERATIONS) else { return };
+        let sharp = match self.bench.fit_from(&self.with(&other.named), (trial, trial), ITERATIONS) {
+            Ok(sharp) => sharp,
+            Err(error) => {
+                tracing::debug!(effect = other.named.effect.id, %error, "sharp");
+                return;
+            }
+        };
         self.judge(&mut other, Some(&sharp), &self.found.trial);
         tracing::debug!(effect = other.named.effect.id, score = other.score, before = scanned.score, "sharp");
         let scale = Scale::after(&sharp, self.bench.series().stages());
@@ -277,5 +299,53 @@ impl Refit<'_> {
             }
         }
         scanned.p_family = self.family.p_of_family(p_of_score(scanned.score / current.inflation, scanned.freedom));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::calibrate::{Preset, fit};
+    use crate::diagnose::{candidate, curves, search};
+    use crate::effect::Size;
+    use crate::robot::Robot;
+    use crate::simulate::{Direct, EffectChoice, Options, SHORT_MOTION};
+    use solve::levenberg::Settings;
+
+    #[test]
+    fn a_law_that_led_nowhere_is_found_from_a_curve_where_it_acts() {
+        let robot = Robot::builtin("doggy").unwrap();
+        let effect = Effect::by_id("quadratic_drag").unwrap();
+        let effects = vec![EffectChoice { effect, size: Size::Level(0.0) }];
+        let options = Options { seed: 4, effects, ..Options::new(robot.clone()) };
+        let recording = Direct::record(&options, SHORT_MOTION).unwrap().recording;
+        let settings = Settings::default();
+        let fitted = fit(&robot, &[&recording], Preset::Default, &settings, |_, _| {}).unwrap();
+        let bench = |part| Bench::new(&robot, part, &fitted, fitted.noise.clone(), settings.clone()).unwrap();
+        let (few, on_few) = bench(fitted.series.excerpt(800, 4).unwrap());
+        let (bench, base) = bench(fitted.series.clone());
+        let (candidates, _) = candidate::catalogue(&robot, &[]);
+        let (scanned, family) = search::scan(&few, &[], &on_few, &candidates).unwrap();
+        let curve = curves::best_curves(&few, &on_few, (&bench, &base), 1).unwrap().swap_remove(0);
+        assert_eq!(curve.curves.place.row(), effect.row, "{:?}", curve.curves.place);
+
+        let found = Search::at(&base);
+        let (family, events) = (&family, &Events::default());
+        let on = Refit { few: &few, on_few: &on_few, bench: &bench, found: &found, family, few_tell: true, events };
+        let untried = |id: &str| {
+            let of_effect = scanned.iter().find(|s| s.named.effect.id == id).unwrap();
+            Scanned::untried(of_effect.named.clone())
+        };
+        // The second acts somewhere else; of the third something is known.
+        let known = Scanned { score: 1.0, ..untried("quadratic_drag") };
+        let mut refitted = [untried("quadratic_drag"), untried("cogging"), known];
+        from_a_curve(&on, &curve, &mut refitted);
+        let [drag, cogging, known] = &refitted;
+        // The curve has paid for its many coefficients, and its bends are not quite the law.
+        let share = drag.score / curve.score;
+        assert!((0.99..1.01).contains(&share), "{share} of the curve's");
+        assert!(drag.trial.is_some() && drag.on_few.is_none() && drag.p_family < LEVEL, "{}", drag.p_family);
+        assert!(cogging.score == 0.0 && cogging.trial.is_none());
+        assert!(known.score == 1.0 && known.trial.is_none());
     }
 }

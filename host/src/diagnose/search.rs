@@ -14,7 +14,7 @@ use super::axes::axes_of_score;
 use super::candidate::Candidate;
 use super::curves::{REFITTED, best_curves};
 use super::found::{Accepted, CurveFit, FINAL_ITERATIONS, LEVEL, Named, Scanned, Search, laws};
-use super::refit::{Events, Refit, refit, straighten};
+use super::refit::{Events, Refit, from_a_curve, refit, straighten};
 use super::scan::Scan;
 use super::settle::accept;
 use super::worth::{Scale, is_rest, keeps};
@@ -126,6 +126,12 @@ pub fn search(
         let may_be_bent = found.accepted.is_empty() || before_doubt.is_some();
         if may_go_on && may_be_bent && !holds && rival.is_some() && refitted.iter().any(|s| s.bent.is_some()) {
             straighten(&on(family, few_tell), &mut refitted);
+            best_first(&mut refitted);
+            best = refitted.iter().find(is_sound).cloned();
+            holds = best.as_ref().is_some_and(|best| is_held(best, &refitted));
+        }
+        if let Some(curve) = rival.filter(|_| may_go_on && !holds) {
+            from_a_curve(&on(family, few_tell), curve, &mut refitted);
             best_first(&mut refitted);
             best = refitted.iter().find(is_sound).cloned();
             holds = best.as_ref().is_some_and(|best| is_held(best, &refitted));

@@ -226,8 +226,8 @@ const STICKING_BENDING: f64 = 0.1;
 const BENDING_RANGE: [f64; 2] = [1e-3, 10.0];
 /// They settle no faster, shares of a sampling period: a Runge-Kutta step carries them up to 2.8.
 const STICKING_FASTEST_STEPS: f64 = 2.0;
-/// g(v) is no less than about this share of μ.
-const LEAST_SLIDING: f64 = 0.02;
+/// g(v) is no less than about this share of μ, and than the second one where a search has it far below zero: it divides.
+const LEAST_SLIDING: [f64; 2] = [0.02, 1e-12];
 
 /// All of the friction carried by bristles, as in the plant: the robot sticks up to μ + Δμ and does not creep at all. Next to nothing of it is linear, so a
 /// search starts where the law above has ended.
@@ -302,7 +302,8 @@ impl StickingLaw {
         let stiffness = (-ln_bending).exp() * rub.mu;
         let share = v * (-ln_speed).exp();
         let falling = (-(share * share)).exp();
-        let sliding = (at.mu + dmu * falling).ramp(LEAST_SLIDING * rub.mu);
+        let [least, above_zero] = LEAST_SLIDING.map(|share| share * rub.mu);
+        let sliding = (at.mu + dmu * falling).ramp(least) + T::from(above_zero);
         let settling = v.abs() * sliding.recip() * stiffness;
         let capped = (settling + T::from(self.fastest)).recip() * self.fastest;
         let rate = capped * (v * stiffness - settling * at.own);
@@ -363,6 +364,11 @@ mod tests {
         for held in [-3.9, -1.0, 0.0, 2.6, 3.9] {
             assert_eq!(asked(&*law, Hook::StateRate, (held, 0.0), &parameters), 0.0);
             assert_eq!(asked(&*law, Hook::Friction, (held, 0.0), &parameters), held);
+        }
+        // Where a search leaves no friction to slide with, it still gets numbers.
+        for speed in [0.0, 1e-9, -0.01] {
+            let rate = asked(&*law, Hook::StateRate, (1.0, speed), &[-7.0, parameters[1], parameters[2]]);
+            assert!(rate.is_finite(), "{speed}: {rate}");
         }
         // And they load as a spring of μ₀/z₀ does.
         let stiffness = draw::nominal(&robot, Symbol::Mu, 1) / 1e-5;

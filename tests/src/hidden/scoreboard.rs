@@ -65,13 +65,15 @@ impl Scoreboard {
         board.row("the same: another name given", &outsiders, |o| o.verdict == Verdict::Named);
         let strange = |o: &Outcome| o.named.iter().any(|named| !is_of_class(o, named));
         board.row("the same: another name given, and none of its class", &outsiders, strange);
-        let wrong = |o: &&Outcome| if o.case.is_outsider { !o.named.is_empty() } else { o.named != o.case.effects };
+        let wrong = |o: &&Outcome| {
+            if o.case.is_outsider { !o.named.is_empty() } else { in_order(&o.named) != in_order(&o.case.effects) }
+        };
         board.misses = outcomes.iter().filter(wrong).map(miss).collect();
         board.misses.sort();
         board
     }
 
-    /// Of effects that were named, the median of every effect's worst parameter and of all parameters.
+    /// Of effects that were named, the medians of every effect's worst parameter and of all parameters, and how many are near the truth.
     fn sizes(&mut self, size: &str, outcomes: &[&Outcome]) {
         let median = |mut errors: Vec<f64>| {
             errors.sort_by(f64::total_cmp);
@@ -81,15 +83,25 @@ impl Scoreboard {
         let worst = outcomes.iter().filter_map(|outcome| of(outcome).into_iter().reduce(f64::max)).collect();
         let all: Vec<f64> = outcomes.iter().flat_map(|outcome| of(outcome)).collect();
         let n = all.len();
+        let most = if size == "large" { 0.05 } else { 0.15 };
+        let near = all.iter().filter(|error| **error < most).count();
         if let (Some(worst), Some(all)) = (median(worst), median(all)) {
-            let line = format!("{size}: half of {n} parameters are off by less than {all:.2} %");
-            self.sizes.push(format!("{line}, half of all effects in none by more than {worst:.2} %"));
+            let line = format!("{size}: half of {n} parameters are off by less than {all:.2} %, {near} by less than");
+            self.sizes
+                .push(format!("{line} {:.0} %, half of all effects in none by more than {worst:.2} %", 100.0 * most));
         }
     }
 
     fn row(&mut self, what: &str, outcomes: &[&Outcome], is_hit: impl Fn(&Outcome) -> bool) {
         self.rows.push((what.to_string(), outcomes.iter().filter(|o| is_hit(o)).count(), outcomes.len()));
     }
+}
+
+/// Names as those of a set.
+fn in_order(names: &[String]) -> Vec<&String> {
+    let mut names: Vec<&String> = names.iter().collect();
+    names.sort();
+    names
 }
 
 /// Whether the motion tells as much of what was hidden as its size means. Some effects are met or not: at the least that is met they tell thousands.
