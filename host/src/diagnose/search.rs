@@ -3,6 +3,7 @@
 //! ```text
 //!   current model ─▶ scan (every law, one score) ─▶ refit the best and what looks like it ─▶ best law ┐
 //!         ▲          scan of curves on every place ─▶ refit the best ─────────────────────▶ best curve ─┤
+//!         │                 no law holds: those that led nowhere are refitted from its end ─────────────┤
 //!         │                                                                                               ▼
 //!         └── drop or swap what it makes superfluous ◀── accepted where the law, or it with another one, explains ≥ 80 % of the curve's part
 //!                                                        else: a cause without a name
