@@ -42,7 +42,7 @@ const SHRINKS: f64 = 0.3;
 /// A change of the cost with which it still falls.
 const FALLING: f64 = 0.02;
 
-/// A search that costs too much is none that is given up, while steps like its last one would bring it down within so many more.
+/// A search that costs too much is not given up while steps like its last one would bring it low enough within so many more.
 const SOON: i32 = 3;
 
 /// When to stop, how much to damp, how many threads to use.
