@@ -123,19 +123,21 @@ pub fn search(
             best = refitted.iter().find(is_sound).cloned();
         }
         let mut holds = may_go_on && best.as_ref().is_some_and(|best| is_held(best, &refitted));
+        let judged = |refitted: &mut Vec<Scanned>| {
+            best_first(refitted);
+            let best = refitted.iter().find(is_sound).cloned();
+            let holds = best.as_ref().is_some_and(|best| is_held(best, refitted));
+            (best, holds)
+        };
         // A first cause may be bent by a second one; after a sound one it is what that leaves.
         let may_be_bent = found.accepted.is_empty() || before_doubt.is_some();
         if may_go_on && may_be_bent && !holds && rival.is_some() && refitted.iter().any(|s| s.bent.is_some()) {
             straighten(&on(family, few_tell), &mut refitted);
-            best_first(&mut refitted);
-            best = refitted.iter().find(is_sound).cloned();
-            holds = best.as_ref().is_some_and(|best| is_held(best, &refitted));
+            (best, holds) = judged(&mut refitted);
         }
         if let Some(curve) = rival.filter(|_| may_go_on && !holds) {
             from_a_curve(&on(family, few_tell), curve, &mut refitted);
-            best_first(&mut refitted);
-            best = refitted.iter().find(is_sound).cloned();
-            holds = best.as_ref().is_some_and(|best| is_held(best, &refitted));
+            (best, holds) = judged(&mut refitted);
         }
         if found.accepted.is_empty() {
             found.first_scan = scanned;

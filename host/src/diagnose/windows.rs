@@ -42,7 +42,6 @@ pub fn elsewhere(
         most(&mut even.iter().filter(|window| 2 * window.len() > length).map(mean)),
     ];
     let is_wrong = usual_mean > WRONG * noise;
-    let worse = if is_wrong { FAR_WORSE } else { WORSE };
     let mut new: Vec<Range<usize>> = Vec::new();
     while new.len() < MOST_ELSEWHERE {
         let free = free(moving, even, &new);
@@ -51,9 +50,9 @@ pub fn elsewhere(
             .iter()
             .flat_map(|gap| windows_in(gap, length))
             .max_by(|a, b| mean(a).total_cmp(&mean(b)))
-            .filter(|window| !is_wrong && mean(window) > worse * usual_mean);
+            .filter(|window| !is_wrong && mean(window) > WORSE * usual_mean);
         let of_hit = hit
-            .filter(|k| blow(*k) > worse * usual_blow)
+            .filter(|k| blow(*k) > if is_wrong { FAR_WORSE } else { WORSE } * usual_blow)
             .and_then(|k| Some(around(k, free.iter().find(|gap| gap.contains(&k))?, length)));
         let by_mean = long.as_ref().map_or(0.0, |window| mean(window) / usual_mean);
         let by_blow = hit.map_or(0.0, |k| blow(k) / usual_blow);
