@@ -5,7 +5,8 @@
 //! ```
 //!
 //! The teeth do not meet all at once: the damping's share w rises from 0 to 1 over the first milliradian of contact,
-//! so that an impact makes no jump of torque.
+//! so that an impact makes no jump of torque, or over half of a gap h that is smaller still, so that nothing is left
+//! of it at h = 0.
 
 use rand::Rng;
 
@@ -28,7 +29,7 @@ pub(super) const EFFECT: Effect = Effect {
 
 /// Half gap, rad.
 const HALF_GAP_RAD: [f64; 3] = [0.002, 0.008, 0.020];
-/// Depth of contact over which the damping takes hold, rad.
+/// Depth of contact over which the damping takes hold, rad, if half of the gap is not less.
 const CONTACT_RAD: f64 = 1e-3;
 
 #[derive(Debug)]
@@ -49,7 +50,7 @@ impl Physics for Backlash {
         if depth <= 0.0 {
             return others;
         }
-        let grip = (depth / CONTACT_RAD).min(1.0);
+        let grip = (depth / CONTACT_RAD.min(half_gap / 2.0)).min(1.0);
         others + at.k_s * depth * at.wind().signum() + grip * at.d_s * at.wind_rate()
     }
 }
