@@ -78,7 +78,9 @@ impl Trial {
     pub fn impossible_in(&self, calibration: &Calibration) -> Option<usize> {
         let results = calibration.parameters.iter();
         let results = results.map(|result| (result.name.as_str(), result.estimate, result.std_error));
-        possible::beyond(&self.laws, results).first().map(|beyond| beyond.law)
+        let beyond = possible::beyond(&self.laws, results);
+        tracing::debug!(?beyond, "of the whole recording");
+        beyond.first().map(|beyond| beyond.law)
     }
 
     /// Position and speed of link and motor of a joint at stage k.

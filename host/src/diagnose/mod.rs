@@ -43,6 +43,7 @@ pub use yardstick::yardstick;
 use std::cell::OnceCell;
 use std::ops::Range;
 
+use found::Search;
 use refit::Events;
 
 use crate::calibrate::{Bench, CalibrateError, Fit, Method, Preset, Series, Trial, extend_as, fit};
@@ -146,7 +147,14 @@ pub fn diagnose(
         candidates.retain(|candidate| candidate.effect.id != impossible.id);
         events.named.retain(|named| named.effect.id != impossible.id);
         let first = std::mem::take(&mut found.first_scan);
+        let explained = |found: &Search| trial.cost - found.trial.cost;
+        let by_impossible = explained(&found);
         found = search::search((&few, &few_base), (&bench, &trial), &cost_of_others, (&candidates, &events), step)?;
+        let named: Vec<&str> = found.accepted.iter().map(|accepted| accepted.named.effect.id).collect();
+        if stands_in((&named, explained(&found)), (&ids, by_impossible)) {
+            let curves = found.first_curves;
+            found = Search { left: curves.clone(), first_curves: curves, ..Search::at(&trial) };
+        }
         // What it stood for is there, though nothing may be left to name it.
         found.refused = found.refused.or_else(|| first.iter().find(|s| s.named.effect.id == impossible.id).cloned());
         found.first_scan = first;
@@ -159,6 +167,13 @@ pub fn diagnose(
     };
     let holdout = holdout.map(|recording| recording.source.path.display().to_string());
     Ok(tell::tell(&bench, &trial, &found, (&base, extended), gain, unsuited, holdout)?)
+}
+
+/// Whether causes were named only because another one cannot be: none of them was found beside it, and they explain clearly less than it did. Then
+/// neither is what is there.
+fn stands_in((named, explained): (&[&str], f64), (before, by_impossible): (&[&str], f64)) -> bool {
+    let were_found = named.iter().any(|id| before.contains(id));
+    !named.is_empty() && !were_found && explained < search::NAMED_SHARE * by_impossible
 }
 
 /// The two thirds of a recording that are fitted where there is no other, and the last one.
@@ -199,6 +214,16 @@ fn benches<'r>(robot: &'r Robot, base: &Fit, settings: &Settings) -> Result<[(Be
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_explains_less_than_what_cannot_be_is_no_cause_either() {
+        let hysteresis = (&["belt_hysteresis"][..], 162.0);
+        assert!(stands_in((&["link_friction"], 60.0), hysteresis));
+        // As good as it, found beside it, nothing at all.
+        assert!(!stands_in((&["link_friction"], 150.0), hysteresis));
+        assert!(!stands_in((&["link_friction"], 60.0), (&["link_friction", "belt_hysteresis"], 162.0)));
+        assert!(!stands_in((&[], 0.0), hysteresis));
+    }
     use crate::effect::Size;
     use crate::link;
     use crate::simulate::{self, Direct, EffectChoice};

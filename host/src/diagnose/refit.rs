@@ -193,13 +193,29 @@ fn sharp(named: &Named) -> Option<Named> {
 
 impl Refit<'_> {
     fn on_few_samples(&self, named: Named) -> Scanned {
-        let sharp = sharp(&named);
-        let scanned = self.tried_on_few(named);
-        // What led nowhere may be for want of its corners.
-        match sharp {
-            Some(sharp) if scanned.score == 0.0 && scanned.bent.is_none() => self.tried_on_few(sharp),
-            _ => scanned,
+        let scanned = self.tried_on_few(named.clone());
+        if scanned.score > 0.0 || scanned.bent.is_some() {
+            return scanned;
         }
+        // What led nowhere may be for want of its corners, or of a nearer start.
+        let other = sharp(&named).or_else(|| self.nearest_swinging(&named));
+        other.map_or(scanned, |other| self.tried_on_few(other))
+    }
+
+    /// Of a law with joints of its own, the start at which the model is nearest to the readings, if it is another one: that a stiff joint swings fast
+    /// a tangent at a soft one does not tell.
+    fn nearest_swinging(&self, named: &Named) -> Option<Named> {
+        let swings = |law: &dyn Law| !law.base_joints().is_empty() || law.structure().is_some();
+        if !swings(&*named.law) {
+            return None;
+        }
+        let starts = named.effect.laws(self.few.robot()).ok()?.into_iter().map(|law| Named { law, ..named.clone() });
+        let cost = |named: &Named| self.few.cost_at_start(&self.with(named), self.on_few).unwrap_or(f64::INFINITY);
+        let as_scanned = cost(named);
+        let costs = starts.map(|start| (cost(&start), start));
+        let (least, nearest) = costs.min_by(|(a, _), (b, _)| a.total_cmp(b))?;
+        tracing::debug!(effect = named.effect.id, as_scanned, least, "nearest start");
+        (least < as_scanned).then_some(nearest)
     }
 
     fn tried_on_few(&self, named: Named) -> Scanned {
@@ -305,28 +321,50 @@ impl Refit<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::calibrate::{Preset, fit};
-    use crate::diagnose::{candidate, curves, search};
+    use crate::calibrate::{Fit, Preset, fit};
+    use crate::diagnose::{benches, candidate, curves, search};
     use crate::effect::Size;
     use crate::robot::Robot;
     use crate::simulate::{Direct, EffectChoice, Options, SHORT_MOTION};
     use solve::levenberg::Settings;
 
+    /// A robot in which an effect of this level hides, with the base model fitted to its short motion.
+    fn hidden(id: &str, level: f64, seed: u64) -> (Robot, Fit) {
+        let robot = Robot::builtin("doggy").unwrap();
+        let effects = vec![EffectChoice { effect: Effect::by_id(id).unwrap(), size: Size::Level(level) }];
+        let options = Options { seed, effects, ..Options::new(robot.clone()) };
+        let recording = Direct::record(&options, SHORT_MOTION).unwrap().recording;
+        let fitted = fit(&robot, &[&recording], Preset::Default, &Settings::default(), |_, _| {}).unwrap();
+        (robot, fitted)
+    }
+
+    #[test]
+    fn a_rod_that_swings_fast_is_found_though_the_scan_starts_from_a_slow_one() {
+        // 34 Hz and 11 Hz.
+        let (robot, fitted) = hidden("structure_mode", -2.6, 1);
+        let [(few, on_few), (bench, base)] = benches(&robot, &fitted, &Settings::default()).unwrap();
+        let effect = Effect::by_id("structure_mode").unwrap();
+        let slow = Named { effect, law: effect.laws(&robot).unwrap().swap_remove(0) };
+        let family = Scan::of(&few.scores(&on_few, std::slice::from_ref(&slow.law)).unwrap(), on_few.inflation);
+
+        let found = Search::at(&base);
+        let (family, events) = (&family, &Events::default());
+        let on = Refit { few: &few, on_few: &on_few, bench: &bench, found: &found, family, few_tell: true, events };
+        let (from_slow, from_anywhere) = (on.tried_on_few(slow.clone()), on.on_few_samples(slow));
+        assert_eq!(from_slow.score, 0.0);
+        assert!(from_anywhere.score > 100.0, "{} {}", from_anywhere.score, on_few.cost);
+    }
+
     #[test]
     fn a_law_that_led_nowhere_is_found_from_a_curve_where_it_acts() {
-        let robot = Robot::builtin("doggy").unwrap();
-        let effect = Effect::by_id("quadratic_drag").unwrap();
-        let effects = vec![EffectChoice { effect, size: Size::Level(0.0) }];
-        let options = Options { seed: 4, effects, ..Options::new(robot.clone()) };
-        let recording = Direct::record(&options, SHORT_MOTION).unwrap().recording;
-        let settings = Settings::default();
-        let fitted = fit(&robot, &[&recording], Preset::Default, &settings, |_, _| {}).unwrap();
-        let bench = |part| Bench::new(&robot, part, &fitted, fitted.noise.clone(), settings.clone()).unwrap();
+        let (robot, fitted) = hidden("quadratic_drag", 0.0, 4);
+        let bench = |part| Bench::new(&robot, part, &fitted, fitted.noise.clone(), Settings::default()).unwrap();
         let (few, on_few) = bench(fitted.series.excerpt(800, 4).unwrap());
         let (bench, base) = bench(fitted.series.clone());
         let (candidates, _) = candidate::catalogue(&robot, &[]);
         let (scanned, family) = search::scan(&few, &[], &on_few, &candidates).unwrap();
         let curve = curves::best_curves(&few, &on_few, (&bench, &base), 1).unwrap().swap_remove(0);
+        let effect = Effect::by_id("quadratic_drag").unwrap();
         assert_eq!(curve.curves.place.row(), effect.row, "{:?}", curve.curves.place);
 
         let found = Search::at(&base);

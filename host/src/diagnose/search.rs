@@ -23,14 +23,15 @@ use crate::calibrate::{Bench, CalibrateError, Trial};
 use crate::effect::{Effect, Row};
 use crate::model::law::Law;
 
-/// Alternatives of a law that are scanned on the samples that decide, where few samples show nothing: a scan costs in proportion to both.
+/// Alternatives of a law that are scanned on the samples that decide, where few samples show nothing and no curve points to it: a scan costs in
+/// proportion to both.
 pub const USUAL_ALTERNATIVES: usize = 2;
 /// A score of few samples that hardly tells one law from another.
 const WEAK: f64 = 100.0;
 /// Most causes.
 const MOST_FINDINGS: usize = 4;
 /// A named law explains this share of what the best curve does.
-const NAMED_SHARE: f64 = 0.8;
+pub const NAMED_SHARE: f64 = 0.8;
 /// What a law explains is hardly ever more than so many times the score of a scan, which is a tangent.
 const TANGENT: f64 = 10.0;
 /// Of two laws together.
@@ -59,7 +60,6 @@ pub fn search(
 ) -> Result<Search, CalibrateError> {
     let mut found = Search::at(base);
     let mut on_few = few_base.clone();
-    let usual: Vec<Candidate> = candidates.iter().map(|candidate| candidate.first(USUAL_ALTERNATIVES)).collect();
     // Where the search stood when it accepted a cause that no robot can have, or that does not hold its own against a curve, unless another
     // one is found beside it.
     let mut before_doubt: Option<(Search, Doubt)> = None;
@@ -116,6 +116,14 @@ pub fn search(
         if best.is_none() && found.accepted.is_empty() && scanned.iter().all(|s| s.p_family >= LEVEL || s.score < WEAK)
         {
             step("scanning more samples");
+            let points_to = |candidate: &Candidate| {
+                let acts_on = |hook| candidate.alternatives.first().is_some_and(|law| law.hooks().contains(&hook));
+                rival.is_some_and(|curve| acts_on(curve.curves.place.hook))
+            };
+            let some_of = |candidate: &Candidate| {
+                if points_to(candidate) { candidate.clone() } else { candidate.first(USUAL_ALTERNATIVES) }
+            };
+            let usual: Vec<Candidate> = candidates.iter().map(some_of).collect();
             (scanned, of_enough) = scan(bench, &found.accepted, &found.trial, &usual)?;
             (family, few_tell) = (&of_enough, false);
             refitted = refit(&on(family, few_tell), scanned.clone());

@@ -8,7 +8,8 @@
 //! ```
 //!
 //! For small effects the margin grows with the square of the size, so that a few secant steps arrive. An effect that is met or not (a
-//! ceiling, a stop) may jump from none to more than what is asked for; then the nearest level that was tried is taken, and says its margin.
+//! ceiling, a stop) may jump from none to more than what is asked for, and one whose plant is another model altogether (bristles, where there
+//! was a sign) shows at any size; then the nearest level that was tried is taken, and says its margin.
 
 use host::diagnose::margin;
 use host::effect::{Effect, Size};
@@ -93,6 +94,9 @@ fn search(mut probe: impl FnMut(f64) -> Option<f64>, target: f64) -> Sized {
         }
         if at.margin < target {
             below = Some(at);
+        } else if above.is_some_and(|above| at.level < above.level && at.margin >= above.margin) {
+            // It shows more the smaller it is: no size is small.
+            break;
         } else {
             above = Some(at);
         }
@@ -143,6 +147,20 @@ mod tests {
             assert!((found.margin / target).ln().abs() < NEAR.ln(), "{found:?}");
             assert!(probes <= 5, "{probes}");
         }
+    }
+
+    #[test]
+    fn what_shows_at_any_size_is_not_looked_for_for_long() {
+        let mut probes = 0;
+        let found = search(
+            |level| {
+                probes += 1;
+                Some(1e6 * (1.0 + (level + 6.0).powi(2)))
+            },
+            300.0,
+        );
+        assert!((found.level + 6.0).abs() < 3.5, "{found:?}");
+        assert_eq!(probes, 3);
     }
 
     #[test]
