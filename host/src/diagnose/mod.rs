@@ -214,6 +214,12 @@ fn benches<'r>(robot: &'r Robot, base: &Fit, settings: &Settings) -> Result<[(Be
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::effect::Size;
+    use crate::link;
+    use crate::simulate::{self, Direct, EffectChoice};
+
+    /// A robot whose belt jumps where windows that are spread evenly over seventy seconds do not look.
+    const JUMPS_BETWEEN: u64 = 1;
 
     #[test]
     fn what_explains_less_than_what_cannot_be_is_no_cause_either() {
@@ -224,12 +230,6 @@ mod tests {
         assert!(!stands_in((&["link_friction"], 60.0), (&["link_friction", "belt_hysteresis"], 162.0)));
         assert!(!stands_in((&[], 0.0), hysteresis));
     }
-    use crate::effect::Size;
-    use crate::link;
-    use crate::simulate::{self, Direct, EffectChoice};
-
-    /// A robot whose belt jumps where windows that are spread evenly over seventy seconds do not look.
-    const JUMPS_BETWEEN: u64 = 1;
 
     #[test]
     fn the_samples_that_decide_hold_what_happens_once() {
