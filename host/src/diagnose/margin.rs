@@ -5,16 +5,13 @@
 use super::found::{Scanned, Search};
 use super::refit::{Events, Refit, refit};
 use super::scan::Scan;
-use super::search::scan;
+use super::search::{USUAL_ALTERNATIVES, scan};
 use super::{DiagnoseError, benches, candidate, fitted_and_unseen};
 use crate::calibrate::{Method, Preset, fit};
 use crate::effect::Effect;
 use crate::recording::Recording;
 use crate::robot::Robot;
 use solve::levenberg::Settings;
-
-/// Alternatives of a law that are scanned on the samples that decide, where few samples show nothing: a scan costs in proportion to both.
-const USUAL_ALTERNATIVES: usize = 2;
 
 /// Twice the difference of the log-likelihoods of two refits on the samples that decide: of the law of `effect`, and of the best of its rivals
 /// (those that [`diagnose`](super::diagnose) would try). Zero where a rival fits better. A rival with more parameters that fits as well holds the
