@@ -129,17 +129,6 @@ impl<'a> Bench<'a> {
         self.search(laws, &from.known(), &[], Effort { iterations, hopeless })
     }
 
-    /// ½ Σ r² of the base model with `laws`, what `from` does not know of them at its start, and with the states of `from` settled around that.
-    ///
-    /// # Errors
-    /// A model that cannot be built.
-    pub fn cost_at_start(&self, laws: &[Arc<dyn Law>], from: &Trial) -> Result<f64, CalibrateError> {
-        let model = Model::extended(self.robot, laws.to_vec())?;
-        let (problem, start, _) = self.at(&model, &from.known());
-        let start = equilibrium::settled(&problem, start, &self.settings);
-        Ok(levenberg::total_cost(&problem, &start, self.settings.threads))
-    }
-
     /// Fits the laws of `trial` again from its end, with what no robot can have held at the end of its range. What follows from that may be
     /// beyond its own range, and is held too.
     ///
@@ -293,8 +282,6 @@ impl<'a> Bench<'a> {
         }
         let start = equilibrium::settled(&problem, start, &self.settings);
         let start = self.eased(&mut problem, start, &held);
-        // Wide weights leave stiff springs torques that tight ones do not.
-        let start = equilibrium::settled(&problem, start, &self.settings);
         let most_while_falling = WHILE_FALLING * iterations;
         let settings = Settings { max_iterations: iterations, most_while_falling, hopeless, ..self.settings.clone() };
         let solution = levenberg::minimise(&problem, start, &held, &settings, |i, iteration| {

@@ -198,24 +198,21 @@ impl Refit<'_> {
             return scanned;
         }
         // What led nowhere may be for want of its corners, or of a nearer start.
-        let other = sharp(&named).or_else(|| self.nearest_swinging(&named));
-        other.map_or(scanned, |other| self.tried_on_few(other))
+        if let Some(sharp) = sharp(&named) {
+            return self.tried_on_few(sharp);
+        }
+        let tried = self.swinging_otherwise(&named).into_iter().map(|other| self.tried_on_few(other));
+        let best = tried.max_by(|a, b| a.score.total_cmp(&b.score));
+        best.filter(|best| best.score > 0.0).unwrap_or(scanned)
     }
 
-    /// Of a law with joints of its own, the start at which the model is nearest to the readings, if it is another one: that a stiff joint swings fast
-    /// a tangent at a soft one does not tell.
-    fn nearest_swinging(&self, named: &Named) -> Option<Named> {
-        let swings = |law: &dyn Law| !law.base_joints().is_empty() || law.structure().is_some();
-        if !swings(&*named.law) {
-            return None;
-        }
-        let starts = named.effect.laws(self.few.robot()).ok()?.into_iter().map(|law| Named { law, ..named.clone() });
-        let cost = |named: &Named| self.few.cost_at_start(&self.with(named), self.on_few).unwrap_or(f64::INFINITY);
-        let as_scanned = cost(named);
-        let costs = starts.map(|start| (cost(&start), start));
-        let (least, nearest) = costs.min_by(|(a, _), (b, _)| a.total_cmp(b))?;
-        tracing::debug!(effect = named.effect.id, as_scanned, least, "nearest start");
-        (least < as_scanned).then_some(nearest)
+    /// Of a law with joints of its own the other starts, as fast or as slow as a joint may swing: a tangent at one of them does not tell which is
+    /// the nearest.
+    fn swinging_otherwise(&self, named: &Named) -> Vec<Named> {
+        let swings = !named.law.base_joints().is_empty() || named.law.structure().is_some();
+        let starts = if swings { named.effect.laws(self.few.robot()).unwrap_or_default() } else { Vec::new() };
+        let others = starts.into_iter().filter(|law| law.parameters() != named.law.parameters());
+        others.map(|law| Named { law, ..named.clone() }).collect()
     }
 
     fn tried_on_few(&self, named: Named) -> Scanned {
@@ -352,7 +349,8 @@ mod tests {
         let on = Refit { few: &few, on_few: &on_few, bench: &bench, found: &found, family, few_tell: true, events };
         let (from_slow, from_anywhere) = (on.tried_on_few(slow.clone()), on.on_few_samples(slow));
         assert_eq!(from_slow.score, 0.0);
-        assert!(from_anywhere.score > 100.0, "{} {}", from_anywhere.score, on_few.cost);
+        // 5,100 measured.
+        assert!((4_900.0..5_300.0).contains(&from_anywhere.score), "{}", from_anywhere.score);
     }
 
     #[test]

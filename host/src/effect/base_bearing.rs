@@ -35,8 +35,6 @@ pub(super) const EFFECT: Effect = Effect {
 
 /// Natural frequency of the robot on its bearing, Hz: 12000, 7000 and 2500 N m/rad on Doggy.
 const FREQUENCY_HZ: [f64; 3] = [5.78, 4.41, 2.64];
-/// Of one that hardly gives way: a search from the softer ones does not come so far.
-const STIFF_HZ: f64 = 30.0;
 /// Damping ratio.
 const DAMPING_RATIO: f64 = 0.07;
 const AXES: [Vector3; 2] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
@@ -128,5 +126,5 @@ fn laws(robot: &Robot) -> Laws {
             |axis: usize| law::PassiveJoint { axis: AXES[axis], stiffness: stiffness[axis], damping: damping[axis] };
         BearingLaw { parameters, joints: [0, 1].map(joint) }
     };
-    each([FREQUENCY_HZ[1], FREQUENCY_HZ[0], FREQUENCY_HZ[2], STIFF_HZ].map(with))
+    each([FREQUENCY_HZ[1], FREQUENCY_HZ[0], FREQUENCY_HZ[2]].map(with))
 }

@@ -40,8 +40,6 @@ pub(super) const EFFECT: Effect = Effect {
 
 /// Natural frequency of the outer half, Hz.
 const FREQUENCY_HZ: [f64; 3] = [17.0, 11.0, 6.0];
-/// Of one that hardly gives way: a search from the softer ones does not come so far.
-const STIFF_HZ: f64 = 40.0;
 /// Of critical.
 const DAMPING_RATIO: std::ops::Range<f64> = 0.01..0.08;
 /// Where the search for the damping starts.
@@ -159,5 +157,5 @@ fn laws(robot: &Robot) -> Laws {
             |axis: usize| law::PassiveJoint { axis: axes[axis], stiffness: stiffness[axis], damping: damping[axis] };
         ModeLaw { parameters, outer, joints: [0, 1].map(joint) }
     };
-    each([FREQUENCY_HZ[1], FREQUENCY_HZ[0], FREQUENCY_HZ[2], STIFF_HZ].map(with))
+    each([FREQUENCY_HZ[1], FREQUENCY_HZ[0], FREQUENCY_HZ[2]].map(with))
 }
