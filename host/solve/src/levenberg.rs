@@ -64,7 +64,7 @@ pub struct Settings {
     pub precision: Precision,
 }
 
-/// What a search has to reach, and in how many iterations, to be worth going on with.
+/// What a search has to reach, or to be about to reach, after how many iterations to be worth going on with.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Hopeless {
     /// Iterations.

@@ -31,7 +31,7 @@ const EASY_ITERATIONS: usize = 8;
 const EASY: f64 = 1e-4;
 /// A search that still falls when its iterations are used up goes on, so many times as far.
 const WHILE_FALLING: usize = 4;
-/// Iterations after which more laws explain more, or never do.
+/// Iterations after which more laws explain more, or are about to, or never do.
 const HOPELESS: usize = 12;
 /// Searches in which what leaves its range is held at its end.
 const ROUNDS_WITHIN: usize = 3;
@@ -120,7 +120,7 @@ impl<'a> Bench<'a> {
         self.search(laws, &from.known(), &[], Effort::of(iterations))
     }
 
-    /// [`Self::fit`] of laws on top of those of `from`, a trial on this bench. Gives up where they lead to more than they started from.
+    /// [`Self::fit`] of laws on top of those of `from`, a trial on this bench. Gives up where they lead to more than they started from, and do not fall fast.
     ///
     /// # Errors
     /// A model that cannot be built or solved.

@@ -79,7 +79,9 @@ impl Trial {
         let results = calibration.parameters.iter();
         let results = results.map(|result| (result.name.as_str(), result.estimate, result.std_error));
         let beyond = possible::beyond(&self.laws, results);
-        tracing::debug!(?beyond, "of the whole recording");
+        if !beyond.is_empty() {
+            tracing::debug!(?beyond, "of the whole recording");
+        }
         beyond.first().map(|beyond| beyond.law)
     }
 

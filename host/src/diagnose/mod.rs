@@ -148,10 +148,10 @@ pub fn diagnose(
         events.named.retain(|named| named.effect.id != impossible.id);
         let first = std::mem::take(&mut found.first_scan);
         let explained = |found: &Search| trial.cost - found.trial.cost;
-        let by_impossible = explained(&found);
+        let with_impossible = explained(&found);
         found = search::search((&few, &few_base), (&bench, &trial), &cost_of_others, (&candidates, &events), step)?;
         let named: Vec<&str> = found.accepted.iter().map(|accepted| accepted.named.effect.id).collect();
-        if stands_in((&named, explained(&found)), (&ids, by_impossible)) {
+        if stands_in((&named, explained(&found)), (&ids, with_impossible)) {
             let curves = found.first_curves;
             found = Search { left: curves.clone(), first_curves: curves, ..Search::at(&trial) };
         }
@@ -169,11 +169,11 @@ pub fn diagnose(
     Ok(tell::tell(&bench, &trial, &found, (&base, extended), gain, unsuited, holdout)?)
 }
 
-/// Whether causes were named only because another one cannot be: none of them was found beside it, and they explain clearly less than it did. Then
-/// neither is what is there.
-fn stands_in((named, explained): (&[&str], f64), (before, by_impossible): (&[&str], f64)) -> bool {
+/// Whether causes were named only because another one cannot be: none of them was found beside it, and they explain clearly less than was explained
+/// with it. Then neither is what is there.
+fn stands_in((named, explained): (&[&str], f64), (before, with_impossible): (&[&str], f64)) -> bool {
     let were_found = named.iter().any(|id| before.contains(id));
-    !named.is_empty() && !were_found && explained < search::NAMED_SHARE * by_impossible
+    !named.is_empty() && !were_found && explained < search::NAMED_SHARE * with_impossible
 }
 
 /// The two thirds of a recording that are fitted where there is no other, and the last one.

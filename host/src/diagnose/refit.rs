@@ -108,20 +108,28 @@ pub fn straighten(on: &Refit<'_>, refitted: &mut [Scanned]) {
     }
 }
 
-/// Refits on the samples that decide what led nowhere on few ones, from the end of a curve where such a law acts: it has brought all the rest of the
-/// model to where the law's own shape is the next step.
-pub fn from_a_curve(on: &Refit<'_>, curve: &CurveFit, refitted: &mut [Scanned]) {
+/// Refits on the samples that decide what led nowhere, from the end of a curve where such a law acts: it has brought all the rest of the model to
+/// where the law's own shape is the next step. Says whether that led anywhere.
+pub fn from_a_curve(on: &Refit<'_>, curve: &CurveFit, refitted: &mut [Scanned]) -> bool {
     let hook = curve.curves.place.hook;
     let led_nowhere = |s: &&mut Scanned| s.score == 0.0 && s.bent.is_none() && s.named.law.hooks().contains(&hook);
+    let mut leads = false;
     for s in refitted.iter_mut().filter(led_nowhere) {
         let ends = (&curve.trial, &curve.trial);
         let trial = on.bench.fit_from(&on.with(&s.named), ends, ITERATIONS).ok();
         on.judge(s, trial.as_ref(), &on.found.trial);
-        // Few samples cannot straighten it: nothing of it is known there.
-        s.bent = None;
         s.trial = trial.filter(|_| s.score > 0.0);
+        if let Some(bent) = s.bent.take() {
+            on.within(s, &bent);
+            s.bent = None;
+        }
+        on.sharpened(s);
+        // What few samples made of it is not this.
+        s.on_few = None;
+        leads |= s.score > 0.0;
         tracing::debug!(effect = s.named.effect.id, score = s.score, by_curve = curve.score, "from a curve");
     }
+    leads
 }
 
 /// What is beaten on few samples keeps its score there, as many times as there are more samples.
@@ -202,8 +210,10 @@ impl Refit<'_> {
             return self.tried_on_few(sharp);
         }
         let tried = self.swinging_otherwise(&named).into_iter().map(|other| self.tried_on_few(other));
-        let best = tried.max_by(|a, b| a.score.total_cmp(&b.score));
-        best.filter(|best| best.score > 0.0).unwrap_or(scanned)
+        let better =
+            |a: &Scanned, b: &Scanned| a.score.total_cmp(&b.score).then(a.bent.is_some().cmp(&b.bent.is_some()));
+        let best = tried.max_by(better);
+        best.filter(|best| best.score > 0.0 || best.bent.is_some()).unwrap_or(scanned)
     }
 
     /// Of a law with joints of its own the other starts, as fast or as slow as a joint may swing: a tangent at one of them does not tell which is

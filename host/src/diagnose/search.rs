@@ -30,7 +30,7 @@ pub const USUAL_ALTERNATIVES: usize = 2;
 const WEAK: f64 = 100.0;
 /// Most causes.
 const MOST_FINDINGS: usize = 4;
-/// A named law explains this share of what the best curve does.
+/// A named law explains this share of what the best curve does, or of what causes did one of which cannot be.
 pub const NAMED_SHARE: f64 = 0.8;
 /// What a law explains is hardly ever more than so many times the score of a scan, which is a tangent.
 const TANGENT: f64 = 10.0;
@@ -143,8 +143,9 @@ pub fn search(
             straighten(&on(family, few_tell), &mut refitted);
             (best, holds) = judged(&mut refitted);
         }
-        if let Some(curve) = rival.filter(|_| may_go_on && !holds) {
-            from_a_curve(&on(family, few_tell), curve, &mut refitted);
+        if let Some(curve) = rival.filter(|_| may_go_on && !holds)
+            && from_a_curve(&on(family, few_tell), curve, &mut refitted)
+        {
             (best, holds) = judged(&mut refitted);
         }
         if found.accepted.is_empty() {

@@ -51,8 +51,9 @@ pub fn elsewhere(
             .flat_map(|gap| windows_in(gap, length))
             .max_by(|a, b| mean(a).total_cmp(&mean(b)))
             .filter(|window| !is_wrong && mean(window) > WORSE * usual_mean);
+        let worse = if is_wrong { FAR_WORSE } else { WORSE };
         let of_hit = hit
-            .filter(|k| blow(*k) > if is_wrong { FAR_WORSE } else { WORSE } * usual_blow)
+            .filter(|k| blow(*k) > worse * usual_blow)
             .and_then(|k| Some(around(k, free.iter().find(|gap| gap.contains(&k))?, length)));
         let by_mean = long.as_ref().map_or(0.0, |window| mean(window) / usual_mean);
         let by_blow = hit.map_or(0.0, |k| blow(k) / usual_blow);

@@ -5,8 +5,7 @@
 //! ```
 //!
 //! The teeth do not meet all at once: the damping's share w rises from 0 to 1 over the first milliradian of contact,
-//! so that an impact makes no jump of torque, or over half of a gap h that is smaller still, so that nothing is left
-//! of it at h = 0.
+//! so that an impact makes no jump of torque, or over h/2 where that is less, so that nothing is left of it at h = 0.
 
 use rand::Rng;
 
@@ -29,7 +28,7 @@ pub(super) const EFFECT: Effect = Effect {
 
 /// Half gap, rad.
 const HALF_GAP_RAD: [f64; 3] = [0.002, 0.008, 0.020];
-/// Depth of contact over which the damping takes hold, rad, if half of the gap is not less.
+/// Depth of contact over which the damping takes hold, rad, if h/2 is not less.
 const CONTACT_RAD: f64 = 1e-3;
 
 #[derive(Debug)]

@@ -12,7 +12,7 @@ use std::f64::consts::TAU;
 
 use rand::{Rng, RngExt};
 
-use super::surrogate::{Law, Laws, Of, Parameters, each};
+use super::surrogate::{Law, Laws, Parameters, each, swinging};
 use super::{Effect, EffectError, EffectParameter, Hidden, PassiveJoint, Physics, Row, Size, TrueValue};
 use crate::model::law;
 use crate::robot::{Robot, Vector3};
@@ -117,14 +117,9 @@ impl Law for BearingLaw {
 fn laws(robot: &Robot) -> Laws {
     let inertia = inertia(robot)?;
     let with = |hz: f64| {
-        let k = inertia.map(|inertia| (TAU * hz).powi(2) * inertia);
-        let d = [0, 1].map(|axis| 2.0 * DAMPING_RATIO * (k[axis] * inertia[axis]).sqrt());
         let mut parameters = Parameters::on(EFFECT.id, robot);
-        let stiffness = [0, 1].map(|axis| parameters.positive("k", "N m/rad", Of::Axis(axis), k[axis]));
-        let damping = [0, 1].map(|axis| parameters.positive("d", "N m s/rad", Of::Axis(axis), d[axis]));
-        let joint =
-            |axis: usize| law::PassiveJoint { axis: AXES[axis], stiffness: stiffness[axis], damping: damping[axis] };
-        BearingLaw { parameters, joints: [0, 1].map(joint) }
+        let joints = swinging(&mut parameters, AXES, inertia, (hz, DAMPING_RATIO));
+        BearingLaw { parameters, joints }
     };
     each([FREQUENCY_HZ[1], FREQUENCY_HZ[0], FREQUENCY_HZ[2]].map(with))
 }

@@ -143,6 +143,14 @@ fn backlash_lets_go_inside_and_pulls_outside() {
     assert!((torque(0.02, 0.5) - (4.0 + 1.0)).abs() < 1e-12);
     assert!((torque(-0.02, 0.5) - (-4.0 + 1.0)).abs() < 1e-12);
     assert!((torque(0.0105, 1.0) - (0.2 + 1.0)).abs() < 1e-12, "half the damping half a milliradian in");
+    // Half a gap of 1 mrad has its damping half a milliradian in.
+    let hidden = hide("backlash", Size::Exact(0.001));
+    let torque = |wind: f64| {
+        let at = Moment { joint: 1, q: wind, qd: 1.0, k_s: 400.0, d_s: 2.0, ..Moment::default() };
+        hidden.physics.transmission_torque(&at, 400.0 * wind + 2.0)
+    };
+    assert!((torque(0.00125) - (0.1 + 1.0)).abs() < 1e-12);
+    assert!((torque(0.0015) - (0.2 + 2.0)).abs() < 1e-12);
 }
 
 #[test]
