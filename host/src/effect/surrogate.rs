@@ -24,11 +24,6 @@ pub(super) fn each<L: Law + 'static>(laws: impl IntoIterator<Item = L>) -> Laws 
     Ok(laws.into_iter().map(|law| Arc::new(law) as Arc<dyn Law>).collect())
 }
 
-/// Of passive joints, damping less than this share of critical does not show at the slowest of them, and more than critical at the fastest is none that
-/// a robot has. A search that wandered beyond would not come back: there the readings say nothing of it.
-const LEAST_DAMPED: (f64, f64) = (0.002, 2.0);
-const MOST_DAMPED: (f64, f64) = (1.0, 60.0);
-
 /// Adds to `parameters` the stiffness and damping, by their logarithms, of two passive joints about `axes`: of bodies of these moments of
 /// inertia (kg m²) that swing at `hz`, with this share of critical damping.
 pub(super) fn swinging(
@@ -37,16 +32,11 @@ pub(super) fn swinging(
     inertia: [f64; 2],
     (hz, ratio): (f64, f64),
 ) -> [PassiveJoint; 2] {
-    let damping = |axis: usize, (ratio, hz): (f64, f64)| 2.0 * ratio * TAU * hz * inertia[axis];
     let k = |axis: usize| (TAU * hz).powi(2) * inertia[axis];
+    let d = |axis: usize| 2.0 * ratio * TAU * hz * inertia[axis];
     let stiffness = [0, 1].map(|axis| parameters.positive("k", "N m/rad", Of::Axis(axis), k(axis)));
-    let d = |axis: usize| damping(axis, (ratio, hz));
-    let damped = [0, 1].map(|axis| parameters.positive("d", "N m s/rad", Of::Axis(axis), d(axis)));
-    let both = |limit: (f64, f64)| [0, 1].map(|axis| damping(axis, limit));
-    let (least, most) = (both(LEAST_DAMPED), both(MOST_DAMPED));
-    parameters.within("d", [0.0, most[0].max(most[1])]);
-    parameters.no_finer("d", least[0].min(least[1]));
-    [0, 1].map(|axis| PassiveJoint { axis: axes[axis], stiffness: stiffness[axis], damping: damped[axis] })
+    let damping = [0, 1].map(|axis| parameters.positive("d", "N m s/rad", Of::Axis(axis), d(axis)));
+    [0, 1].map(|axis| PassiveJoint { axis: axes[axis], stiffness: stiffness[axis], damping: damping[axis] })
 }
 
 /// Differences from a parameter that joints share: what is common to all belongs to that parameter, so they add up to nothing. A joint whose
