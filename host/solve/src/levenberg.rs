@@ -74,8 +74,8 @@ pub struct Hopeless {
 }
 
 impl Hopeless {
-    /// Whether a search is, whose last step, number `iterations`, made `cost` of `before`.
-    fn is(&self, iterations: usize, before: f64, cost: f64) -> bool {
+    /// Whether a search ends here whose last step, number `iterations`, made `cost` of `before`: further ones would make cost (cost / before)³ of it.
+    fn gives_up(&self, iterations: usize, before: f64, cost: f64) -> bool {
         iterations >= self.after && cost * (cost / before).powi(SOON) > self.above
     }
 }
@@ -385,7 +385,7 @@ pub fn minimise<P: LeastSquares>(
             break;
         }
         factor_is_final = false;
-        if settings.hopeless.is_some_and(|hopeless| hopeless.is(iterations.len(), before, cost)) {
+        if settings.hopeless.is_some_and(|hopeless| hopeless.gives_up(iterations.len(), before, cost)) {
             break;
         }
         let shrinks = promised_before.is_none_or(|before| undamped_promise < SHRINKS * before);

@@ -384,12 +384,14 @@ mod tests {
         };
         // The second acts somewhere else; of the third something is known.
         let known = Scanned { score: 1.0, ..untried("quadratic_drag") };
-        let mut refitted = [untried("quadratic_drag"), untried("cogging"), known];
-        from_a_curve(&on, &curve, &mut refitted);
+        // Few samples led it somewhere, those that decide did not.
+        let lost = Scanned { on_few: Some(on_few.clone()), ..untried("quadratic_drag") };
+        let mut refitted = [lost, untried("cogging"), known];
+        assert!(from_a_curve(&on, &curve, &mut refitted));
         let [drag, cogging, known] = &refitted;
-        // The curve has paid for its many coefficients, and its bends are not quite the law.
+        // 1.009 measured: the curve has paid for its many coefficients, and its bends are not quite the law.
         let share = drag.score / curve.score;
-        assert!((0.99..1.01).contains(&share), "{share} of the curve's");
+        assert!((1.0..1.02).contains(&share), "{share} of the curve's");
         assert!(drag.trial.is_some() && drag.on_few.is_none() && drag.p_family < LEVEL, "{}", drag.p_family);
         assert!(cogging.score == 0.0 && cogging.trial.is_none());
         assert!(known.score == 1.0 && known.trial.is_none());

@@ -226,8 +226,10 @@ const STICKING_BENDING: f64 = 0.1;
 const BENDING_RANGE: [f64; 2] = [1e-3, 10.0];
 /// They settle no faster, shares of a sampling period: a Runge-Kutta step carries them up to 2.8.
 const STICKING_FASTEST_STEPS: f64 = 2.0;
-/// g(v) is no less than about this share of μ, and than the second one where a search has it far below zero: it divides.
-const LEAST_SLIDING: [f64; 2] = [0.02, 1e-12];
+/// g(v) divides: it comes down to about this share of μ softly,
+const LEAST_SLIDING: f64 = 0.02;
+/// and where a search has it far below zero it is this share at least.
+const ABOVE_ZERO: f64 = 1e-12;
 
 /// All of the friction carried by bristles, as in the plant: the robot sticks up to μ + Δμ and does not creep at all. Next to nothing of it is linear, so a
 /// search starts where the law above has ended.
@@ -302,8 +304,7 @@ impl StickingLaw {
         let stiffness = (-ln_bending).exp() * rub.mu;
         let share = v * (-ln_speed).exp();
         let falling = (-(share * share)).exp();
-        let [least, above_zero] = LEAST_SLIDING.map(|share| share * rub.mu);
-        let sliding = (at.mu + dmu * falling).ramp(least) + T::from(above_zero);
+        let sliding = (at.mu + dmu * falling).ramp(LEAST_SLIDING * rub.mu) + T::from(ABOVE_ZERO * rub.mu);
         let settling = v.abs() * sliding.recip() * stiffness;
         let capped = (settling + T::from(self.fastest)).recip() * self.fastest;
         let rate = capped * (v * stiffness - settling * at.own);

@@ -1,5 +1,6 @@
 //! Counts of a study of hidden effects, with Wilson's intervals.
 
+use std::collections::BTreeSet;
 use std::fmt;
 
 use host::diagnose::Verdict;
@@ -65,8 +66,9 @@ impl Scoreboard {
         board.row("the same: another name given", &outsiders, |o| o.verdict == Verdict::Named);
         let strange = |o: &Outcome| o.named.iter().any(|named| !is_of_class(o, named));
         board.row("the same: another name given, and none of its class", &outsiders, strange);
+        let set = |names: &[String]| names.iter().cloned().collect::<BTreeSet<_>>();
         let wrong = |o: &&Outcome| {
-            if o.case.is_outsider { !o.named.is_empty() } else { in_order(&o.named) != in_order(&o.case.effects) }
+            if o.case.is_outsider { !o.named.is_empty() } else { set(&o.named) != set(&o.case.effects) }
         };
         board.misses = outcomes.iter().filter(wrong).map(miss).collect();
         board.misses.sort();
@@ -95,13 +97,6 @@ impl Scoreboard {
     fn row(&mut self, what: &str, outcomes: &[&Outcome], is_hit: impl Fn(&Outcome) -> bool) {
         self.rows.push((what.to_string(), outcomes.iter().filter(|o| is_hit(o)).count(), outcomes.len()));
     }
-}
-
-/// Names as those of a set.
-fn in_order(names: &[String]) -> Vec<&String> {
-    let mut names: Vec<&String> = names.iter().collect();
-    names.sort();
-    names
 }
 
 /// Whether the motion tells as much of what was hidden as its size means. Some effects are met or not: at the least that is met they tell thousands.
