@@ -74,7 +74,8 @@ pub struct Hopeless {
 }
 
 impl Hopeless {
-    /// Whether a search ends here whose last step, number `iterations`, made `cost` of `before`: further ones would make cost (cost / before)³ of it.
+    /// Whether a search ends here whose last step, number `iterations`, made `cost` of `before`: as many more as [`SOON`] says would each make it
+    /// less by the same factor.
     fn gives_up(&self, iterations: usize, before: f64, cost: f64) -> bool {
         iterations >= self.after && cost * (cost / before).powi(SOON) > self.above
     }

@@ -14,7 +14,7 @@ use crate::robot::Robot;
 use solve::levenberg::Settings;
 
 /// Twice the difference of the log-likelihoods of two refits on the samples that decide: of the law of `effect`, and of the best of its rivals
-/// (those that [`diagnose`](super::diagnose) would try). Zero where a rival fits better. A rival with more parameters that fits as well holds the
+/// (those that the first round of [`diagnose`](super::diagnose) would try, without those that only a curve leads to). Zero where a rival fits better. A rival with more parameters that fits as well holds the
 /// law as a special case, and is none. The last third of the recording is left out, as by a diagnosis without another recording.
 ///
 /// # Errors
