@@ -13,7 +13,7 @@
 use std::time::Duration;
 
 use super::error::{Singular, SolveError};
-use super::kernel::{MAX_STAGE_SIZE, groups};
+use super::kernel::groups;
 use super::shape::{BATCH, Columns};
 use super::store::{Kept, Precision, Store, substitute, triangle};
 use super::sweep::{Reduced, Sweep, finish, sweep_left, sweep_right};
@@ -46,8 +46,6 @@ pub struct StageFactor {
     pub z: Vec<f64>,
     /// n.
     pub right: Vec<f64>,
-    /// Room for a row of z with its padding.
-    border_row: Vec<f64>,
 }
 
 impl Columns {
@@ -178,29 +176,37 @@ impl Factor {
             dense.resize(size, 0.0);
         }
         let mut at = k * self.columns.kept();
-        let mut row = [0.0; MAX_STAGE_SIZE];
-        for i in 0..padded {
-            // Rows begin with their diagonal block.
-            let from = i / LANES * LANES;
-            self.kept.copy(at, &mut row[..padded - from]);
-            at += (padded - from) / LANES;
-            if i < n {
-                to.u[i * n + i..(i + 1) * n].copy_from_slice(&row[i - from..n - from]);
-                to.u[i * n + i] = 1.0 / row[i - from];
+        let mut next = || {
+            at += 1;
+            self.kept.quad(at - 1)
+        };
+        for group in 0..own {
+            let first = group * LANES;
+            for i in 0..first + LANES {
+                let quad = next();
+                // Below the diagonal is what was there before.
+                for j in i.max(first)..n.min(first + LANES) {
+                    to.u[i * n + j] = quad[j - first];
+                }
             }
         }
-        to.border_row.resize(border_groups * LANES, 0.0);
-        for i in 0..padded {
-            self.kept.copy(at, &mut row[..padded]);
-            self.kept.copy(at + own, &mut to.border_row);
-            at += own + border_groups;
-            if i < n {
-                to.y[i * n..(i + 1) * n].copy_from_slice(&row[..n]);
-                to.z[i * m..(i + 1) * m].copy_from_slice(&to.border_row[..m]);
+        for i in 0..n {
+            to.u[i * n + i] = 1.0 / to.u[i * n + i];
+        }
+        for (dense, width, groups) in [(&mut to.y, n, own), (&mut to.z, m, border_groups)] {
+            for group in 0..groups {
+                let columns = group * LANES..width.min((group + 1) * LANES);
+                for i in 0..padded {
+                    let quad = next();
+                    if i < n {
+                        dense[i * width..][columns.clone()].copy_from_slice(&quad[..columns.len()]);
+                    }
+                }
             }
         }
-        self.kept.copy(at, &mut row[..padded]);
-        to.right.copy_from_slice(&row[..n]);
+        for right in to.right.chunks_mut(LANES) {
+            right.copy_from_slice(&next()[..right.len()]);
+        }
     }
 
     /// The reduced system of the border, `(S, g)` row-major m × m and m: the step solves `S δ = −g`. S is the information matrix of

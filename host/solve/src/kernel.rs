@@ -8,7 +8,10 @@
 //! of all loops lie alike: left-looking by blocks of four, whose diagonal blocks are factored as `L diag Lᵀ` (one division a pivot on
 //! the critical path, the roots come afterwards, four at a time).
 
-use crate::simd::{LANES, Quad, Simd};
+use std::marker::PhantomData;
+use std::ops::Range;
+
+use crate::simd::{LANES, Quad, Simd, Work};
 
 /// The largest stage that can be solved.
 pub const MAX_STAGE_SIZE: usize = 36;
@@ -43,18 +46,73 @@ pub struct Sums<'a> {
     pub values: &'a mut [Quad],
     /// Rows of a group.
     pub rows: usize,
+    /// Groups that no sums come to: what would, and all behind it, comes behind them.
+    pub gap: Range<usize>,
 }
 
-/// `out[r] ± = sum[r]`.
-#[inline(always)]
-fn add_to<S: Simd, const SUBTRACT: bool>(simd: S, out: &mut [Quad], sum: [S::Vector; LANES]) {
-    for (out, sum) in out[..LANES].iter_mut().zip(sum) {
-        let before = simd.load(&out.0);
-        *out = Quad(simd.store(if SUBTRACT { simd.sub(before, sum) } else { simd.add(before, sum) }));
+impl<'a> Sums<'a> {
+    /// All of a matrix.
+    #[inline(always)]
+    pub fn of(values: &'a mut [Quad], rows: usize) -> Self {
+        Sums { values, rows, gap: 0..0 }
+    }
+
+    /// Four rows from `row` on of group g.
+    #[inline(always)]
+    fn four(&mut self, row: usize, g: usize) -> &mut [Quad; LANES] {
+        let g = if g < self.gap.start { g } else { g + self.gap.len() };
+        self.values[g * self.rows + row..].first_chunk_mut().expect("a group has whole blocks of four rows")
     }
 }
 
-/// Four rows of two groups of sums: `± Σ_k a[k]_r b[k]`, `± Σ_k a[k]_r c[k]`.
+/// What becomes of the numbers that are there when a sum comes.
+pub trait Change {
+    /// The numbers after it.
+    fn of<S: Simd>(simd: S, before: &Quad, sum: S::Vector) -> S::Vector;
+}
+
+/// The sum is added.
+#[derive(Debug)]
+pub struct Add;
+
+/// The sum is taken off.
+#[derive(Debug)]
+pub struct Subtract;
+
+/// The sum stands in their place.
+#[derive(Debug)]
+pub struct Set;
+
+impl Change for Add {
+    #[inline(always)]
+    fn of<S: Simd>(simd: S, before: &Quad, sum: S::Vector) -> S::Vector {
+        simd.add(simd.load(&before.0), sum)
+    }
+}
+
+impl Change for Subtract {
+    #[inline(always)]
+    fn of<S: Simd>(simd: S, before: &Quad, sum: S::Vector) -> S::Vector {
+        simd.sub(simd.load(&before.0), sum)
+    }
+}
+
+impl Change for Set {
+    #[inline(always)]
+    fn of<S: Simd>(_simd: S, _before: &Quad, sum: S::Vector) -> S::Vector {
+        sum
+    }
+}
+
+/// Changes four rows of a group by their sums.
+#[inline(always)]
+fn change<S: Simd, C: Change>(simd: S, out: &mut [Quad], sum: [S::Vector; LANES]) {
+    for (out, sum) in out[..LANES].iter_mut().zip(sum) {
+        *out = Quad(simd.store(C::of(simd, out, sum)));
+    }
+}
+
+/// Four rows of two groups of sums: `Σ_k a[k]_r b[k]`, `Σ_k a[k]_r c[k]`.
 #[inline(always)]
 fn tile<S: Simd>(simd: S, a: &[Quad], b: &[Quad], c: &[Quad]) -> ([S::Vector; LANES], [S::Vector; LANES]) {
     let zero = simd.splat(0.0);
@@ -95,50 +153,155 @@ fn narrow_tile<S: Simd>(simd: S, a: &[Quad], b: &[Quad]) -> [S::Vector; LANES] {
     even
 }
 
-/// `sums[4·block + r][group + g] ± = Σ_k rows[k][left]_r rows[k][right + g]`: four rows `left` times all groups of `right`.
+/// Four rows of sums from `row` on, and group by group from `group` on: the group `left` of the rows times all groups of `right`.
 #[inline(always)]
-pub fn strip<S: Simd, const SUBTRACT: bool>(
+fn strip<S: Simd, C: Change>(
     simd: S,
     rows: Rows<'_>,
     left: usize,
-    right: std::ops::Range<usize>,
+    right: Range<usize>,
     sums: &mut Sums<'_>,
-    (block, group): (usize, usize),
+    (row, mut group): (usize, usize),
 ) {
     let a = rows.group(left);
-    let (mut j, mut at) = (right.start, group * sums.rows + block * LANES);
+    let mut j = right.start;
     while j + 1 < right.end {
         let (first, second) = tile(simd, a, rows.group(j), rows.group(j + 1));
-        add_to::<S, SUBTRACT>(simd, &mut sums.values[at..], first);
-        add_to::<S, SUBTRACT>(simd, &mut sums.values[at + sums.rows..], second);
-        (j, at) = (j + 2, at + 2 * sums.rows);
+        change::<S, C>(simd, sums.four(row, group), first);
+        change::<S, C>(simd, sums.four(row, group + 1), second);
+        (j, group) = (j + 2, group + 2);
     }
     if j < right.end {
         let sum = narrow_tile(simd, a, rows.group(j));
-        add_to::<S, SUBTRACT>(simd, &mut sums.values[at..], sum);
+        change::<S, C>(simd, sums.four(row, group), sum);
+    }
+}
+
+/// Changes `sums` by `Σ_k rows[k]ᵀ rows[k]`: the groups `left` times themselves and all behind them up to `end`, on and above the diagonal. What is
+/// below it is nothing that anybody reads.
+#[inline(always)]
+pub fn upper<S: Simd, C: Change>(simd: S, rows: Rows<'_>, left: Range<usize>, end: usize, sums: &mut Sums<'_>) {
+    simd.apart(&mut Upper { rows, left, end, sums, change: PhantomData::<C> });
+}
+
+/// What [`upper`] does.
+struct Upper<'a, 'b, C> {
+    rows: Rows<'a>,
+    left: Range<usize>,
+    end: usize,
+    sums: &'a mut Sums<'b>,
+    change: PhantomData<C>,
+}
+
+impl<C: Change> Work for &mut Upper<'_, '_, C> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) {
+        let Upper { rows, ref left, end, ref mut sums, .. } = *self;
+        for (at, i) in left.clone().enumerate() {
+            strip::<S, C>(simd, rows, i, i..end, sums, (at * LANES, at));
+        }
+    }
+}
+
+/// Changes `sums` by `Σ_k rows[k]ᵀ rows[k]`: the groups `left` times the groups `right`.
+#[inline(always)]
+pub fn product<S: Simd, C: Change>(
+    simd: S,
+    rows: Rows<'_>,
+    left: Range<usize>,
+    right: Range<usize>,
+    sums: &mut Sums<'_>,
+) {
+    simd.apart(&mut Product { rows, left, right, sums, change: PhantomData::<C> });
+}
+
+/// What [`product`] does.
+struct Product<'a, 'b, C> {
+    rows: Rows<'a>,
+    left: Range<usize>,
+    right: Range<usize>,
+    sums: &'a mut Sums<'b>,
+    change: PhantomData<C>,
+}
+
+impl<C: Change> Work for &mut Product<'_, '_, C> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) {
+        let Product { rows, ref left, ref right, ref mut sums, .. } = *self;
+        for (at, i) in left.clone().enumerate() {
+            strip::<S, C>(simd, rows, i, right.clone(), sums, (at * LANES, 0));
+        }
+    }
+}
+
+/// Four numbers of any precision.
+pub trait Four {
+    /// In double precision.
+    fn doubles(&self) -> [f64; LANES];
+}
+
+impl Four for Quad {
+    #[inline(always)]
+    fn doubles(&self) -> [f64; LANES] {
+        self.0
     }
 }
 
 /// `Σ_k group[k] by[k]`.
 #[inline(always)]
-pub fn weighted<S: Simd>(simd: S, group: &[Quad], by: &[f64]) -> S::Vector {
+pub fn weighted<S: Simd, F: Four>(simd: S, group: &[F], by: &[f64]) -> S::Vector {
     let (mut even, mut odd) = (simd.splat(0.0), simd.splat(0.0));
     let ((pairs, last), (by_pairs, by_last)) = (group.as_chunks::<2>(), by.as_chunks::<2>());
     for ([a, b], [x, y]) in pairs.iter().zip(by_pairs) {
-        even = simd.mul_add(simd.load(&a.0), simd.splat(*x), even);
-        odd = simd.mul_add(simd.load(&b.0), simd.splat(*y), odd);
+        even = simd.mul_add(simd.load(&a.doubles()), simd.splat(*x), even);
+        odd = simd.mul_add(simd.load(&b.doubles()), simd.splat(*y), odd);
     }
     for (a, x) in last.iter().zip(by_last) {
-        even = simd.mul_add(simd.load(&a.0), simd.splat(*x), even);
+        even = simd.mul_add(simd.load(&a.doubles()), simd.splat(*x), even);
     }
     simd.add(even, odd)
 }
 
-/// `to ± = Σ_k group[k] by[k]`.
+/// Changes the vector `to`, four numbers a group, by `Σ_k groups[k] by[k]`; groups of so many rows.
 #[inline(always)]
-pub fn add_weighted<S: Simd, const SUBTRACT: bool>(simd: S, group: &[Quad], by: &[f64], to: &mut [f64; LANES]) {
-    let (before, sum) = (simd.load(to), weighted(simd, group, by));
-    *to = simd.store(if SUBTRACT { simd.sub(before, sum) } else { simd.add(before, sum) });
+pub fn change_weighted<S: Simd, F: Four, C: Change>(
+    simd: S,
+    groups: &[F],
+    rows: usize,
+    by: &[f64],
+    to: &mut [[f64; LANES]],
+) {
+    let zero = simd.splat(0.0);
+    let mut pairs = groups.chunks_exact(2 * rows);
+    let (to_pairs, to_last) = to.as_chunks_mut::<2>();
+    for (pair, to) in (&mut pairs).zip(to_pairs) {
+        let (first, second) = pair.split_at(rows);
+        let (first, second) = (&first[..by.len()], &second[..by.len()]);
+        let mut sums = [zero; 4];
+        let even = by.len() - by.len() % 2;
+        for k in (0..even).step_by(2) {
+            let (x, y) = (simd.splat(by[k]), simd.splat(by[k + 1]));
+            sums[0] = simd.mul_add(simd.load(&first[k].doubles()), x, sums[0]);
+            sums[1] = simd.mul_add(simd.load(&second[k].doubles()), x, sums[1]);
+            sums[2] = simd.mul_add(simd.load(&first[k + 1].doubles()), y, sums[2]);
+            sums[3] = simd.mul_add(simd.load(&second[k + 1].doubles()), y, sums[3]);
+        }
+        for k in even..by.len() {
+            let x = simd.splat(by[k]);
+            sums[0] = simd.mul_add(simd.load(&first[k].doubles()), x, sums[0]);
+            sums[1] = simd.mul_add(simd.load(&second[k].doubles()), x, sums[1]);
+        }
+        to[0] = simd.store(C::of(simd, &Quad(to[0]), simd.add(sums[0], sums[2])));
+        to[1] = simd.store(C::of(simd, &Quad(to[1]), simd.add(sums[1], sums[3])));
+    }
+    let last = pairs.remainder();
+    if let ([to], false) = (to_last, last.is_empty()) {
+        *to = simd.store(C::of(simd, &Quad(*to), weighted(simd, &last[..by.len()], by)));
+    }
 }
 
 /// The pivot of a factorisation that was not positive: its index and value.
@@ -174,12 +337,39 @@ impl Diagonal {
             }
         }
         for i in 0..LANES {
-            // Also refuses NaN.
-            if !(a[i][i] > 0.0 && a[i][i].is_finite()) {
+            // Also refuses NaN. Comparisons, because asking whether a number is finite takes a dozen steps of integers.
+            if !(a[i][i] > 0.0 && a[i][i] <= f64::MAX) {
                 return Err(Pivot { index: i, value: a[i][i] });
             }
         }
         Ok(Diagonal { below, scale: simd.store(simd.sqrt(simd.load(&inverse))) })
+    }
+
+    /// The four rows of a group, solved with.
+    #[inline(always)]
+    fn solve<S: Simd>(&self, simd: S, rows: &mut [Quad]) {
+        let mut x = [simd.splat(0.0); LANES];
+        for r in 0..LANES {
+            x[r] = simd.load(&rows[r].0);
+            for above in 0..r {
+                x[r] = simd.mul_sub_from(simd.splat(self.below[above][r]), x[above], x[r]);
+            }
+        }
+        for r in 0..LANES {
+            rows[r].0 = simd.store(simd.mul(x[r], simd.splat(self.scale[r])));
+        }
+    }
+
+    /// Of the right-hand side, which has lost `loss`.
+    #[inline(always)]
+    fn solve_right(&self, right: &mut [f64], loss: [f64; LANES]) {
+        let x0 = right[0] - loss[0];
+        let x1 = right[1] - loss[1] - self.below[0][1] * x0;
+        let x2 = right[2] - loss[2] - self.below[0][2] * x0 - self.below[1][2] * x1;
+        let x3 = right[3] - loss[3] - self.below[0][3] * x0 - self.below[1][3] * x1 - self.below[2][3] * x2;
+        for ((right, x), scale) in right.iter_mut().zip([x0, x1, x2, x3]).zip(self.scale) {
+            *right = x * scale;
+        }
     }
 }
 
@@ -188,60 +378,63 @@ impl Diagonal {
 /// untouched.
 #[inline(always)]
 pub fn factor<S: Simd>(simd: S, front: &mut [Quad], right: &mut [f64]) -> Result<(), Pivot> {
+    simd.apart(FactorFront { front, right })
+}
+
+/// What [`factor`] does.
+struct FactorFront<'a> {
+    front: &'a mut [Quad],
+    right: &'a mut [f64],
+}
+
+impl Work for FactorFront<'_> {
+    type Output = Result<(), Pivot>;
+
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) -> Result<(), Pivot> {
+        factor_front(simd, self.front, self.right)
+    }
+}
+
+#[inline(always)]
+fn factor_front<S: Simd>(simd: S, front: &mut [Quad], right: &mut [f64]) -> Result<(), Pivot> {
     let n = right.len();
-    let mut above = [Quad::default(); MAX_STAGE_SIZE];
     for block in 0..n / LANES {
         let first = block * LANES;
         let rest = &mut front[block * n..];
-        if block > 0 {
-            // The four rows lose what the rows above say of them.
-            above[..first].copy_from_slice(&rest[..first]);
-            let a = &above[..first];
-            let mut pairs = rest.chunks_exact_mut(2 * n);
-            for pair in &mut pairs {
-                let (b, c) = pair.split_at_mut(n);
-                let (x, y) = tile(simd, a, &b[..first], &c[..first]);
-                add_to::<S, true>(simd, &mut b[first..], x);
-                add_to::<S, true>(simd, &mut c[first..], y);
-            }
-            let b = pairs.into_remainder();
-            if !b.is_empty() {
-                let x = narrow_tile(simd, a, &b[..first]);
-                add_to::<S, true>(simd, &mut b[first..], x);
-            }
-        }
-        let own = &rest[first..first + LANES];
+        let (own, behind) = rest.split_at_mut(n);
+        let (above, own) = own.split_at_mut(first);
+        let above = &*above;
+        // The four rows lose what the rows above say of them; the diagonal block first, because its pivots wait for one another while the
+        // others' sums need not.
+        let own = &mut own[..LANES];
+        change::<S, Subtract>(simd, own, narrow_tile(simd, above, above));
         let d = match Diagonal::of(simd, [own[0].0, own[1].0, own[2].0, own[3].0]) {
             Ok(d) => d,
             Err(pivot) => return Err(Pivot { index: first + pivot.index, ..pivot }),
         };
-        let [[_, b01, b02, b03], [_, _, b12, b13], [.., b23], _] = d.below;
-        let (b01, b02, b03) = (simd.splat(b01), simd.splat(b02), simd.splat(b03));
-        let (b12, b13, b23) = (simd.splat(b12), simd.splat(b13), simd.splat(b23));
-        let [s0, s1, s2, s3] = d.scale;
-        let (s0, s1, s2, s3) = (simd.splat(s0), simd.splat(s1), simd.splat(s2), simd.splat(s3));
-        for group in rest.chunks_exact_mut(n) {
-            let rows = &mut group[first..first + LANES];
-            let x0 = simd.load(&rows[0].0);
-            let x1 = simd.mul_sub_from(b01, x0, simd.load(&rows[1].0));
-            let x2 = simd.mul_sub_from(b12, x1, simd.mul_sub_from(b02, x0, simd.load(&rows[2].0)));
-            let x3 = simd.mul_sub_from(b03, x0, simd.load(&rows[3].0));
-            let x3 = simd.mul_sub_from(b23, x2, simd.mul_sub_from(b13, x1, x3));
-            rows[0].0 = simd.store(simd.mul(x0, s0));
-            rows[1].0 = simd.store(simd.mul(x1, s1));
-            rows[2].0 = simd.store(simd.mul(x2, s2));
-            rows[3].0 = simd.store(simd.mul(x3, s3));
+        if block > 0 {
+            let mut pairs = behind.chunks_exact_mut(2 * n);
+            for pair in &mut pairs {
+                let (b, c) = pair.split_at_mut(n);
+                let (x, y) = tile(simd, above, &b[..first], &c[..first]);
+                change::<S, Subtract>(simd, &mut b[first..], x);
+                change::<S, Subtract>(simd, &mut c[first..], y);
+            }
+            let b = pairs.into_remainder();
+            if !b.is_empty() {
+                let sum = narrow_tile(simd, above, &b[..first]);
+                change::<S, Subtract>(simd, &mut b[first..], sum);
+            }
         }
-        let (known, right) = right.split_at_mut(first);
-        let [r0, r1, r2, r3, ..] = right else { unreachable!("a block has four rows") };
-        let loss = simd.store(weighted(simd, &rest[..first], known));
-        let x0 = *r0 - loss[0];
-        let x1 = *r1 - loss[1] - d.below[0][1] * x0;
-        let x2 = *r2 - loss[2] - d.below[0][2] * x0 - d.below[1][2] * x1;
-        let x3 = *r3 - loss[3] - d.below[0][3] * x0 - d.below[1][3] * x1 - d.below[2][3] * x2;
-        (*r0, *r1, *r2, *r3) = (x0 * d.scale[0], x1 * d.scale[1], x2 * d.scale[2], x3 * d.scale[3]);
+        let loss = simd.store(weighted(simd, above, &right[..first]));
+        d.solve_right(&mut right[first..first + LANES], loss);
+        d.solve(simd, own);
         for (i, scale) in d.scale.into_iter().enumerate() {
-            rest[first + i].0[i] = scale;
+            own[i].0[i] = scale;
+        }
+        for group in behind.chunks_exact_mut(n) {
+            d.solve(simd, &mut group[first..first + LANES]);
         }
     }
     Ok(())
@@ -249,11 +442,7 @@ pub fn factor<S: Simd>(simd: S, front: &mut [Quad], right: &mut [f64]) -> Result
 
 /// The sum of every vector.
 #[inline(always)]
-pub fn add_across<S: Simd>(simd: S, v: [S::Vector; LANES]) -> [f64; LANES] {
-    let mut sums = [0.0; LANES];
-    for (sum, v) in sums.iter_mut().zip(v) {
-        let [a, b, c, d] = simd.store(v);
-        *sum = (a + b) + (c + d);
-    }
-    sums
+pub fn add_across<S: Simd>(simd: S, v: [S::Vector; LANES]) -> S::Vector {
+    let [a, b, c, d] = simd.transpose(v);
+    simd.add(simd.add(a, b), simd.add(c, d))
 }

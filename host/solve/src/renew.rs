@@ -12,8 +12,9 @@ use std::convert::Infallible;
 
 use super::LeastSquares;
 use super::factor::Factor;
+use super::kernel::{self, Subtract};
 use super::shape::{BATCH, Columns};
-use super::store::{Kept, Store, triangle};
+use super::store::{Kept, Store, triangle, upper_group};
 use super::sweep::{Reduced, Sweep};
 use super::threads::both;
 use super::walk::{Batch, Direction, Front, Steps, walk};
@@ -89,18 +90,9 @@ impl Renewal {
         let n = columns.padded_stage;
         let (u, rows) = kept.split_at(triangle(n));
         forward(simd, u, front);
-        let groups = columns.stage_groups + columns.border_groups;
-        let (to_next, to_border) = (next.as_chunks_mut().0, border.gradient.as_chunks_mut().0);
-        for (row, y) in rows.chunks_exact(groups).zip(&*front) {
-            let y = simd.splat(*y);
-            let (by_next, by_border) = row.split_at(columns.stage_groups);
-            for (to, row) in to_next.iter_mut().zip(by_next) {
-                *to = simd.store(simd.mul_sub_from(y, simd.load(&T::back(row)), simd.load(to)));
-            }
-            for (to, row) in to_border.iter_mut().zip(by_border) {
-                *to = simd.store(simd.mul_sub_from(y, simd.load(&T::back(row)), simd.load(to)));
-            }
-        }
+        let (by_next, by_border) = rows.split_at(columns.stage_groups * n);
+        kernel::change_weighted::<S, _, Subtract>(simd, by_next, n, front, next.as_chunks_mut().0);
+        kernel::change_weighted::<S, _, Subtract>(simd, by_border, n, front, border.gradient.as_chunks_mut().0);
         for (to, from) in y.iter_mut().zip(front.as_chunks().0) {
             *to = T::keep(*from);
         }
@@ -112,22 +104,17 @@ impl Renewal {
 /// Solves `Uᵀ y = g` in place.
 #[inline(always)]
 fn forward<S: Simd, T: Kept>(simd: S, u: &[[T; LANES]], g: &mut [f64]) {
-    let own = g.len() / LANES;
-    let mut first = 0;
-    for i in 0..g.len() {
-        let (block, lane) = (i / LANES, i % LANES);
-        let row = &u[first..first + own - block];
-        first += own - block;
-        let diagonal = T::back(&row[0]);
-        let y = g[i] * diagonal[lane];
-        g[i] = y;
-        for c in lane + 1..LANES {
-            g[block * LANES + c] -= y * diagonal[c];
-        }
-        let rest = g[(block + 1) * LANES..].as_chunks_mut().0;
-        for (to, row) in rest.iter_mut().zip(&row[1..]) {
-            *to = simd.store(simd.mul_sub_from(simd.splat(y), simd.load(&T::back(row)), simd.load(to)));
-        }
+    for block in 0..g.len() / LANES {
+        let (above, own) = u[upper_group(block)..][..(block + 1) * LANES].split_at(block * LANES);
+        let (known, g) = g.split_at_mut(block * LANES);
+        let [g0, g1, g2, g3, ..] = g else { unreachable!("a block has four rows") };
+        let loss = simd.store(kernel::weighted(simd, above, known));
+        let [[s0, u01, u02, u03], [_, s1, u12, u13], [_, _, s2, u23], [.., s3]] =
+            [T::back(&own[0]), T::back(&own[1]), T::back(&own[2]), T::back(&own[3])];
+        *g0 = (*g0 - loss[0]) * s0;
+        *g1 = (*g1 - loss[1] - u01 * *g0) * s1;
+        *g2 = (*g2 - loss[2] - u02 * *g0 - u12 * *g1) * s2;
+        *g3 = (*g3 - loss[3] - u03 * *g0 - u13 * *g1 - u23 * *g2) * s3;
     }
 }
 

@@ -1,8 +1,10 @@
 //! What is kept of every stage for the back-substitution and for further steps by the same factor: U and `[Y | Z y]`, in double or single precision.
 //!
 //! ```text
-//! one stage, by groups of four:  U's rows from their diagonal block on | rows of [Y | Z] | y
+//! one stage, by groups of four columns:  U, each group down to its diagonal block | [Y | Z], n rows a group | y
 //! ```
+//! That is the order of the front, so that keeping is copying.
+//!
 //! The elimination itself is always in double precision, and so are the Schur complement and its gradient. What is kept is read to find the
 //! states' step, and to eliminate the gradient of another point near the end of a search: in single precision it has seven digits, which the
 //! next iteration mends, at half the memory and half of its traffic, which is what the time goes into.
@@ -13,7 +15,7 @@
 use std::sync::Mutex;
 
 use super::kernel;
-use crate::simd::{LANES, Quad, Simd};
+use crate::simd::{LANES, Quad, Simd, fetch};
 
 /// How a factor keeps what the back-substitution needs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -44,11 +46,18 @@ impl Kept for f64 {
 impl Kept for f32 {
     #[inline(always)]
     fn keep(values: [f64; LANES]) -> [f32; LANES] {
-        values.map(|value| value as f32)
+        [values[0] as f32, values[1] as f32, values[2] as f32, values[3] as f32]
     }
     #[inline(always)]
     fn back(values: &[f32; LANES]) -> [f64; LANES] {
         values.map(f64::from)
+    }
+}
+
+impl<T: Kept> kernel::Four for [T; LANES] {
+    #[inline(always)]
+    fn doubles(&self) -> [f64; LANES] {
+        T::back(self)
     }
 }
 
@@ -85,14 +94,13 @@ impl Store {
         }
     }
 
-    /// The numbers from group `first` on.
-    pub(super) fn copy(&self, first: usize, to: &mut [f64]) {
-        for (at, to) in (first..).zip(to.as_chunks_mut::<LANES>().0) {
-            *to = match self {
-                Store::Double(groups) => groups[at],
-                Store::Single(groups) => f32::back(&groups[at]),
-                Store::Nothing(_) => unreachable!("a factor that keeps nothing is not handed out"),
-            };
+    /// Four numbers.
+    #[inline(always)]
+    pub(super) fn quad(&self, at: usize) -> [f64; LANES] {
+        match self {
+            Store::Double(groups) => groups[at],
+            Store::Single(groups) => f32::back(&groups[at]),
+            Store::Nothing(_) => unreachable!("a factor that keeps nothing is not handed out"),
         }
     }
 }
@@ -183,6 +191,15 @@ impl<'a> StoreMut<'a> {
         }
     }
 
+    /// Asks for the memory, which will soon be written.
+    pub(super) fn fetch(&self) {
+        match self {
+            StoreMut::Double(all) => fetch(all),
+            StoreMut::Single(all) => fetch(all),
+            StoreMut::Nothing(_) => {}
+        }
+    }
+
     /// Keeps a factored front `[U | Y | Z]` and y. All of it belongs to one stage.
     #[inline(always)]
     pub(super) fn keep(&mut self, front: &[Quad], right: &[f64]) {
@@ -199,52 +216,57 @@ pub(super) const fn triangle(n: usize) -> usize {
     n * (n / LANES + 1) / 2
 }
 
+/// Where the groups of U begin: each has the rows down to its diagonal block.
+#[inline(always)]
+pub(super) const fn upper_group(group: usize) -> usize {
+    triangle(group * LANES)
+}
+
 #[inline(always)]
 fn keep<T: Kept>(front: &[Quad], right: &[f64], to: &mut [[T; LANES]]) {
     let n = right.len();
     let own = n / LANES;
-    let behind = front.len() / n - own;
-    let (u, rest) = to.split_at_mut(triangle(n));
-    let (rows, y) = rest.split_at_mut(n * behind);
-    let mut first = 0;
-    for i in 0..n {
-        let groups = i / LANES..own;
-        let row = &mut u[first..first + groups.len()];
-        first += groups.len();
-        for (to, from) in row.iter_mut().zip(front[groups.start * n + i..].iter().step_by(n)) {
-            *to = T::keep(from.0);
-        }
+    let (u, to) = to.split_at_mut(triangle(n));
+    for (group, front) in front[..own * n].chunks_exact(n).enumerate() {
+        let rows = (group + 1) * LANES;
+        keep_all(&front[..rows], &mut u[upper_group(group)..][..rows]);
     }
-    for (i, row) in rows.chunks_exact_mut(behind).enumerate() {
-        for (to, from) in row.iter_mut().zip(front[own * n + i..].iter().step_by(n)) {
-            *to = T::keep(from.0);
-        }
-    }
+    let (rows, y) = to.split_at_mut(front.len() - own * n);
+    keep_all(&front[own * n..], rows);
     for (to, from) in y.iter_mut().zip(right.as_chunks::<LANES>().0) {
         *to = T::keep(*from);
+    }
+}
+
+#[inline(always)]
+fn keep_all<T: Kept>(from: &[Quad], to: &mut [[T; LANES]]) {
+    for (to, from) in to.iter_mut().zip(from) {
+        *to = T::keep(from.0);
     }
 }
 
 /// `own = −U⁻¹ ([Y | Z] known + y)` of one stage: `known` is the step of the stage it was eliminated into, and of the shared unknowns.
 #[inline(always)]
 pub(super) fn substitute<S: Simd, T: Kept>(simd: S, kept: &[[T; LANES]], known: &[Quad], own: &mut [Quad]) {
-    let (groups, n) = (known.len(), own.len() * LANES);
+    let n = own.len() * LANES;
     let (u, rest) = kept.split_at(triangle(n));
-    let (rows, y) = rest.split_at(n * groups);
+    let (rows, y) = rest.split_at(n * known.len());
+    let (by_neighbour, by_shared) = rows.split_at(n * own.len());
     let (neighbour, shared) = known.split_at(own.len());
-    for ((rows, y), own) in rows.chunks_exact(LANES * groups).zip(y).zip(&mut *own) {
+    for (block, (y, own)) in y.iter().zip(&mut *own).enumerate() {
         let mut sums = [simd.splat(0.0); LANES];
         // What does not wait for the neighbour comes first.
-        for (known, first) in [(shared, neighbour.len()), (neighbour, 0)] {
-            for (r, sum) in sums.iter_mut().enumerate() {
-                let row = &rows[r * groups + first..][..known.len()];
-                for (row, known) in row.iter().zip(known) {
-                    *sum = simd.mul_add(simd.load(&T::back(row)), simd.load(&known.0), *sum);
+        for (rows, known) in [(by_shared, shared), (by_neighbour, neighbour)] {
+            for (group, known) in rows.chunks_exact(n).zip(known) {
+                let rows = &group[block * LANES..][..LANES];
+                let known = simd.load(&known.0);
+                for r in 0..LANES {
+                    sums[r] = simd.mul_add(simd.load(&T::back(&rows[r])), known, sums[r]);
                 }
             }
         }
-        let (sums, y) = (kernel::add_across(simd, sums), T::back(y));
-        *own = Quad(std::array::from_fn(|r| -(sums[r] + y[r])));
+        let sum = simd.add(kernel::add_across(simd, sums), simd.load(&T::back(y)));
+        own.0 = simd.store(simd.sub(simd.splat(0.0), sum));
     }
     backward(simd, u, own);
 }
@@ -252,28 +274,24 @@ pub(super) fn substitute<S: Simd, T: Kept>(simd: S, kept: &[[T; LANES]], known: 
 /// Solves `U x = x` in place.
 #[inline(always)]
 fn backward<S: Simd, T: Kept>(simd: S, u: &[[T; LANES]], x: &mut [Quad]) {
-    let blocks = x.len();
-    let mut end = u.len();
-    for block in (0..blocks).rev() {
-        let width = blocks - block;
-        let rows = &u[end - LANES * width..end];
-        end -= LANES * width;
-        let (x, known) = x.split_at_mut(block + 1);
+    for block in (0..x.len()).rev() {
+        let rows = |group: usize| &u[upper_group(group) + block * LANES..][..LANES];
         let mut sums = [simd.splat(0.0); LANES];
-        for (r, sum) in sums.iter_mut().enumerate() {
-            for (row, known) in rows[r * width + 1..(r + 1) * width].iter().zip(known.iter()) {
-                *sum = simd.mul_add(simd.load(&T::back(row)), simd.load(&known.0), *sum);
+        for group in block + 1..x.len() {
+            let (rows, known) = (rows(group), simd.load(&x[group].0));
+            for r in 0..LANES {
+                sums[r] = simd.mul_add(simd.load(&T::back(&rows[r])), known, sums[r]);
             }
         }
-        let loss = kernel::add_across(simd, sums);
-        let x = &mut x[block].0;
+        let own = rows(block);
+        let mut value = simd.store(simd.sub(simd.load(&x[block].0), kernel::add_across(simd, sums)));
         for i in (0..LANES).rev() {
-            let row = T::back(&rows[i * width]);
-            let mut sum = x[i] - loss[i];
+            let row = T::back(&own[i]);
             for k in i + 1..LANES {
-                sum -= row[k] * x[k];
+                value[i] -= row[k] * value[k];
             }
-            x[i] = sum * row[i];
+            value[i] *= row[i];
         }
+        x[block].0 = value;
     }
 }

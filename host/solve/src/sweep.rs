@@ -2,9 +2,9 @@
 
 use super::LeastSquares;
 use super::error::Singular;
-use super::kernel::{self, Pivot, Rows, Sums};
+use super::kernel::{self, Add, Change, Pivot, Rows, Set, Subtract, Sums};
 use super::shape::{BATCH, Columns};
-use super::stage::Panel;
+use super::stage::{Panel, Stage};
 use super::store::StoreMut;
 use super::walk::{Batch, Direction, Front, Steps, walk};
 use crate::simd::{LANES, Quad, Simd, Work, vectorised};
@@ -88,16 +88,10 @@ impl Sweep {
         let rows = Rows { values: &panel.values, capacity: panel.capacity, count: panel.rows };
         let (states, groups) = (panel.stage_groups, panel.groups());
         let into_border = 2 * columns.stage_groups + panel.border.start;
-        let mut sums = Sums { values: &mut block.values, rows: columns.padded_stage };
-        for i in 0..states {
-            kernel::strip::<S, false>(simd, rows, i, i..states, &mut sums, (i, i));
-            kernel::strip::<S, false>(simd, rows, i, states..groups, &mut sums, (i, into_border));
-        }
-        let mut sums = Sums { values: &mut border.values, rows: columns.border_groups * LANES };
-        for i in states..groups {
-            let at = i - states + panel.border.start;
-            kernel::strip::<S, false>(simd, rows, i, i..groups, &mut sums, (at, at));
-        }
+        let mut sums = Sums { gap: states..into_border, ..Sums::of(&mut block.values, columns.padded_stage) };
+        kernel::upper::<S, Add>(simd, rows, 0..states, groups, &mut sums);
+        let mut sums = border_sums(columns, border, panel.border.start);
+        kernel::upper::<S, Add>(simd, rows, states..groups, groups, &mut sums);
         Self::add_residuals(simd, panel, &mut block.right, border);
     }
 
@@ -105,11 +99,11 @@ impl Sweep {
     #[inline(always)]
     pub(super) fn add_residuals<S: Simd>(simd: S, panel: &Panel, right: &mut [f64], border: &mut Reduced) {
         let residuals = &panel.residuals[..panel.rows];
-        let (right, gradient) = (right.as_chunks_mut().0, border.gradient.as_chunks_mut().0);
-        let to = right[..panel.stage_groups].iter_mut().chain(&mut gradient[panel.border.clone()]);
-        for (group, to) in panel.values.chunks_exact(panel.capacity).zip(to) {
-            kernel::add_weighted::<S, false>(simd, &group[..panel.rows], residuals, to);
-        }
+        let (states, shared) = panel.values.split_at(panel.stage_groups * panel.capacity);
+        let right = &mut right.as_chunks_mut().0[..panel.stage_groups];
+        kernel::change_weighted::<S, _, Add>(simd, states, panel.capacity, residuals, right);
+        let gradient = &mut border.gradient.as_chunks_mut().0[panel.border.clone()];
+        kernel::change_weighted::<S, _, Add>(simd, shared, panel.capacity, residuals, gradient);
         border.squares += residuals.iter().map(|r| r * r).sum::<f64>();
     }
 
@@ -144,72 +138,113 @@ impl Sweep {
         }
     }
 
-    /// Starts the next stage, and adds the transition of `slot` to it and to the stage at the front: the source sees wΦ, the successor −w.
+    /// Starts the next stage with the transition of `slot`, and adds it to the stage at the front: the source sees wΦ, the successor −w.
     #[inline(always)]
     fn add_transition<S: Simd>(&mut self, simd: S, slot: usize, at_front: Front) {
         let Sweep { columns, front, next, border, batch, .. } = self;
         let stage = &batch.stages[slot];
         let (n, own) = (columns.padded_stage, columns.stage_groups);
-        next.values[..n * own].fill(Quad::default());
-        next.values[2 * n * own..].fill(Quad::default());
         next.right.fill(0.0);
         next.diagonal.fill(0.0);
         if !stage.linked {
+            next.values[..n * own].fill(Quad::default());
+            next.values[2 * n * own..].fill(Quad::default());
             front.values[n * own..2 * n * own].fill(Quad::default());
             return;
         }
-        let panel = &stage.transition;
+        // The groups of the border that no transition touches.
+        next.values[n * (2 * own + columns.leading_groups)..].fill(Quad::default());
         let (source, successor) = match at_front {
-            Front::Source => (&mut *front, &mut *next),
-            Front::Successor => (&mut *next, &mut *front),
+            Front::Source => {
+                Self::change_source::<S, Add>(columns, simd, stage, &mut front.values);
+                next.values[..n * own].fill(Quad::default());
+                Self::change_successor::<S, Set>(columns, simd, stage, &mut next.values);
+                (&mut *front, &mut *next)
+            }
+            Front::Successor => {
+                Self::change_source::<S, Set>(columns, simd, stage, &mut next.values);
+                Self::change_successor::<S, Add>(columns, simd, stage, &mut front.values);
+                (&mut *next, &mut *front)
+            }
         };
+        let panel = &stage.transition;
         let rows = Rows { values: &panel.values, capacity: n, count: n };
         let all = panel.groups();
-        let mut sums = Sums { values: &mut source.values, rows: n };
-        for i in 0..own {
-            kernel::strip::<S, false>(simd, rows, i, i..own, &mut sums, (i, i));
-            kernel::strip::<S, false>(simd, rows, i, own..all, &mut sums, (i, 2 * own));
-        }
-        let mut sums = Sums { values: &mut border.values, rows: columns.border_groups * LANES };
-        for i in own..all {
-            kernel::strip::<S, false>(simd, rows, i, i..all, &mut sums, (i - own, i - own));
-        }
-        let (states, shared) = panel.values.split_at(own * n);
+        let mut sums = border_sums(columns, border, 0);
+        kernel::upper::<S, Add>(simd, rows, own..all, all, &mut sums);
         Self::add_residuals(simd, panel, &mut source.right, border);
-        // The successor: w² on the diagonal, −w times the whitened rest of its rows.
-        for i in 0..n {
-            let w = stage.weight[i / LANES].0[i % LANES];
-            successor.values[i / LANES * n + i].0[i % LANES] += w * w;
-            successor.right[i] -= w * panel.residuals[i];
-        }
-        let blocks = successor.values[2 * own * n..].chunks_exact_mut(n);
-        for (to, from) in blocks.zip(shared.chunks_exact(n)) {
-            for (i, (to, from)) in to.iter_mut().zip(from).enumerate() {
-                let w = simd.splat(stage.weight[i / LANES].0[i % LANES]);
-                to.0 = simd.store(simd.mul_sub_from(w, simd.load(&from.0), simd.load(&to.0)));
-            }
+        for (i, right) in successor.right.iter_mut().enumerate() {
+            *right -= stage.weight[i / LANES].0[i % LANES] * panel.residuals[i];
         }
         if self.damping > 0.0 {
             Self::add_diagonal(panel, &mut source.diagonal);
-            for i in 0..n {
-                successor.diagonal[i] += stage.weight[i / LANES].0[i % LANES].powi(2);
+            for (i, diagonal) in successor.diagonal.iter_mut().enumerate() {
+                *diagonal += stage.weight[i / LANES].0[i % LANES].powi(2);
             }
         }
-        // E = ∂/∂(front) ∂/∂(next) of ½ (wΦ x − w x')²
-        let coupling = &mut front.values[own * n..];
-        for i in 0..own {
-            for j in 0..own {
-                let mut block = [simd.splat(0.0); LANES];
-                for (r, row) in block.iter_mut().enumerate() {
-                    let w = simd.splat(-stage.weight[i].0[r]);
-                    *row = simd.mul(simd.load(&states[j * n + i * LANES + r].0), w);
+        Self::set_coupling(columns, simd, stage, at_front, &mut front.values[own * n..2 * own * n]);
+    }
+
+    /// What a transition says of its source: `[wΦ]ᵀ [wΦ]` and the border's columns beside it.
+    #[inline(always)]
+    fn change_source<S: Simd, C: Change>(columns: &Columns, simd: S, stage: &Stage, values: &mut [Quad]) {
+        let (n, own, panel) = (columns.padded_stage, columns.stage_groups, &stage.transition);
+        let rows = Rows { values: &panel.values, capacity: n, count: n };
+        let mut sums = Sums { gap: own..2 * own, ..Sums::of(values, n) };
+        kernel::upper::<S, C>(simd, rows, 0..own, panel.groups(), &mut sums);
+    }
+
+    /// What it says of its successor: w² on the diagonal, −w times the whitened rest of its rows.
+    #[inline(always)]
+    fn change_successor<S: Simd, C: Change>(columns: &Columns, simd: S, stage: &Stage, values: &mut [Quad]) {
+        let (n, own) = (columns.padded_stage, columns.stage_groups);
+        for i in 0..n {
+            values[i / LANES * n + i].0[i % LANES] += stage.weight[i / LANES].0[i % LANES].powi(2);
+        }
+        let shared = stage.transition.values[own * n..].chunks_exact(n);
+        for (to, from) in values[2 * own * n..].chunks_exact_mut(n).zip(shared) {
+            let blocks = to.as_chunks_mut::<LANES>().0.iter_mut().zip(from.as_chunks::<LANES>().0);
+            for ((to, from), weight) in blocks.zip(&stage.weight) {
+                for r in 0..LANES {
+                    let change = simd.mul(simd.splat(-weight.0[r]), simd.load(&from[r].0));
+                    to[r].0 = simd.store(C::of(simd, &to[r], change));
                 }
-                let (block, i, j) = match at_front {
-                    Front::Successor => (block, i, j),
-                    Front::Source => (simd.transpose(block), j, i),
+            }
+        }
+    }
+
+    /// E = ∂/∂(front) ∂/∂(next) of ½ (wΦ x − w x')²
+    #[inline(always)]
+    fn set_coupling<S: Simd>(columns: &Columns, simd: S, stage: &Stage, at_front: Front, coupling: &mut [Quad]) {
+        let (n, own) = (columns.padded_stage, columns.stage_groups);
+        let (coupling, _) = coupling.as_chunks_mut::<LANES>();
+        let (states, _) = stage.transition.values[..own * n].as_chunks::<LANES>();
+        for (j, states) in states.chunks_exact(own).enumerate() {
+            for (i, (block, weight)) in states.iter().zip(&stage.weight).enumerate() {
+                let mut rows = [simd.splat(0.0); LANES];
+                match at_front {
+                    Front::Successor => {
+                        for r in 0..LANES {
+                            rows[r] = simd.mul(simd.load(&block[r].0), simd.splat(-weight.0[r]));
+                        }
+                    }
+                    Front::Source => {
+                        let weight = simd.sub(rows[0], simd.load(&weight.0));
+                        for r in 0..LANES {
+                            rows[r] = simd.load(&block[r].0);
+                        }
+                        rows = simd.transpose(rows);
+                        for r in 0..LANES {
+                            rows[r] = simd.mul(rows[r], weight);
+                        }
+                    }
+                }
+                let to = match at_front {
+                    Front::Successor => &mut coupling[j * own + i],
+                    Front::Source => &mut coupling[i * own + j],
                 };
-                for (to, row) in coupling[j * n + i * LANES..].iter_mut().zip(block) {
-                    to.0 = simd.store(row);
+                for r in 0..LANES {
+                    to[r].0 = simd.store(rows[r]);
                 }
             }
         }
@@ -232,24 +267,25 @@ impl Sweep {
         kernel::factor(simd, &mut front.values, right)?;
         let (shared, all) = (2 * own, columns.front());
         let rows = Rows { values: &front.values, capacity: n, count: n };
-        let mut sums = Sums { values: &mut next.values, rows: n };
-        for i in own..shared {
-            kernel::strip::<S, true>(simd, rows, i, i..shared, &mut sums, (i - own, i - own));
-            kernel::strip::<S, true>(simd, rows, i, shared..all, &mut sums, (i - own, shared));
-        }
-        let mut sums = Sums { values: &mut border.values, rows: columns.border_groups * LANES };
-        for i in shared..all {
-            kernel::strip::<S, true>(simd, rows, i, i..all, &mut sums, (i - shared, i - shared));
-        }
-        let to = next.right.as_chunks_mut().0.iter_mut().chain(border.gradient.as_chunks_mut().0);
-        for (group, to) in front.values[own * n..].chunks_exact(n).zip(to) {
-            kernel::add_weighted::<S, true>(simd, group, right, to);
-        }
+        let mut sums = Sums { gap: own..shared, ..Sums::of(&mut next.values, n) };
+        kernel::upper::<S, Subtract>(simd, rows, own..shared, all, &mut sums);
+        let mut sums = border_sums(columns, border, 0);
+        kernel::upper::<S, Subtract>(simd, rows, shared..all, all, &mut sums);
+        let (by_next, by_border) = front.values[own * n..].split_at(own * n);
+        kernel::change_weighted::<S, _, Subtract>(simd, by_next, n, right, next.right.as_chunks_mut().0);
+        kernel::change_weighted::<S, _, Subtract>(simd, by_border, n, right, border.gradient.as_chunks_mut().0);
         border.squares -= right.iter().map(|y| y * y).sum::<f64>();
         kept.keep(&front.values, right);
         std::mem::swap(&mut self.front, &mut self.next);
         Ok(())
     }
+}
+
+/// The border's matrix from group `first` on.
+#[inline(always)]
+fn border_sums<'a>(columns: &Columns, border: &'a mut Reduced, first: usize) -> Sums<'a> {
+    let rows = columns.border_groups * LANES;
+    Sums::of(&mut border.values[first * (rows + LANES)..], rows)
 }
 
 /// Stages 0 … middle−1, each into its successor; `kept` has room for them. `middle` is a multiple of the batch.
@@ -264,8 +300,9 @@ pub(super) fn sweep_right<P: LeastSquares>(
     let mut scratch = problem.scratch();
     let size = columns.kept();
     for first in (0..kept.groups() / size).step_by(BATCH) {
-        sweep.batch.fill(problem, point, first, &mut scratch);
         let kept = kept.part(first * size..(first + BATCH) * size);
+        kept.fetch();
+        sweep.batch.fill(problem, point, first, &mut scratch);
         turn(&mut sweep, kept, Direction::Right).map_err(|(slot, pivot)| Singular { stage: first + slot, pivot })?;
     }
     Ok(sweep)
@@ -284,10 +321,12 @@ pub(super) fn sweep_left<P: LeastSquares>(
     let mut scratch = problem.scratch();
     let (stages, size) = (columns.shape.stages, columns.kept());
     for first in (middle..stages).step_by(BATCH).rev() {
-        let count = sweep.batch.fill(problem, point, first, &mut scratch);
+        let count = BATCH.min(stages - first);
         // Stage `first + slot + 1` is eliminated at the turn of `slot`: there is none behind the last one.
         let eliminated = if first + count == stages { count - 1 } else { count };
         let kept = kept.part((first - middle) * size..(first - middle + eliminated) * size);
+        kept.fetch();
+        sweep.batch.fill(problem, point, first, &mut scratch);
         turn(&mut sweep, kept, Direction::Left { count })
             .map_err(|(slot, pivot)| Singular { stage: first + slot + 1, pivot })?;
     }

@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::super::LeastSquares;
 use super::super::factor::{Factor, StageFactor};
-use super::super::kernel::{self, Rows, Sums, groups};
+use super::super::kernel::{self, Add, Change, Rows, Subtract, Sums, groups};
 use super::super::shape::{BATCH, Columns};
 use super::super::stage::Stage;
 use super::super::threads::both;
@@ -77,28 +77,19 @@ impl Sweep {
         }
         let rows = Rows { values: &entries.values, capacity: entries.capacity, count: entries.first[4] };
         let (own, behind) = (columns.stage_groups, columns.stage_groups + columns.groups_with_right());
-        let mut to = Sums { values: front, rows: n };
-        for i in 0..own {
-            kernel::strip::<S, false>(simd, rows, i, behind..behind + *extra, &mut to, (i, 0));
-        }
-        Self::add_sums::<S, false>(columns, simd, rows, sums, *extra);
+        let mut to = Sums::of(front, n);
+        kernel::product::<S, Add>(simd, rows, 0..own, behind..behind + *extra, &mut to);
+        Self::add_sums::<S, Add>(columns, simd, rows, sums, *extra);
     }
 
     /// Sums ± `[border C]ᵀ C` of rows `[stage | border | C]`; of `Cᵀ C` the upper groups.
     #[inline(always)]
-    fn add_sums<S: Simd, const SUBTRACT: bool>(
-        columns: &Columns,
-        simd: S,
-        rows: Rows<'_>,
-        sums: &mut [Quad],
-        extra: usize,
-    ) {
+    fn add_sums<S: Simd, C: Change>(columns: &Columns, simd: S, rows: Rows<'_>, sums: &mut [Quad], extra: usize) {
         let (own, behind) = (columns.stage_groups, columns.stage_groups + columns.groups_with_right());
-        let mut to = Sums { values: sums, rows: (columns.groups_with_right() + extra) * LANES };
-        for i in own..behind + extra {
-            let from = i.max(behind);
-            kernel::strip::<S, SUBTRACT>(simd, rows, i, from..behind + extra, &mut to, (i - own, from - behind));
-        }
+        let (all, height) = (behind + extra, (columns.groups_with_right() + extra) * LANES);
+        kernel::product::<S, C>(simd, rows, own..behind, behind..all, &mut Sums::of(sums, height));
+        let own_sums = &mut sums[columns.groups_with_right() * LANES..];
+        kernel::upper::<S, C>(simd, rows, behind..all, all, &mut Sums::of(own_sums, height));
     }
 
     /// Adds what the transition of `slot` says of its successor, −w times its entries.
@@ -152,11 +143,9 @@ impl Sweep {
             kept.extend_from_slice(v);
         }
         let rows = Rows { values: work, capacity: padded, count: padded };
-        let mut to = Sums { values: next, rows: padded };
-        for i in 0..own {
-            kernel::strip::<S, true>(simd, rows, i, behind..behind + *extra, &mut to, (i, 0));
-        }
-        Self::add_sums::<S, true>(columns, simd, rows, sums, *extra);
+        let mut to = Sums::of(next, padded);
+        kernel::product::<S, Subtract>(simd, rows, 0..own, behind..behind + *extra, &mut to);
+        Self::add_sums::<S, Subtract>(columns, simd, rows, sums, *extra);
         std::mem::swap(front, next);
         next.fill(Quad::default());
     }
