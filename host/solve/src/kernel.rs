@@ -57,11 +57,10 @@ impl<'a> Sums<'a> {
         Sums { values, rows, gap: 0..0 }
     }
 
-    /// Four rows from `row` on of group g.
+    /// Where group g begins.
     #[inline(always)]
-    fn four(&mut self, row: usize, g: usize) -> &mut [Quad; LANES] {
-        let g = if g < self.gap.start { g } else { g + self.gap.len() };
-        self.values[g * self.rows + row..].first_chunk_mut().expect("a group has whole blocks of four rows")
+    fn group(&self, g: usize) -> usize {
+        self.rows * if g < self.gap.start { g } else { g + self.gap.len() }
     }
 }
 
@@ -167,13 +166,15 @@ fn strip<S: Simd, C: Change>(
     let mut j = right.start;
     while j + 1 < right.end {
         let (first, second) = tile(simd, a, rows.group(j), rows.group(j + 1));
-        change::<S, C>(simd, sums.four(row, group), first);
-        change::<S, C>(simd, sums.four(row, group + 1), second);
+        let (at, then) = (sums.group(group) + row, sums.group(group + 1) + row);
+        change::<S, C>(simd, &mut sums.values[at..at + LANES], first);
+        change::<S, C>(simd, &mut sums.values[then..then + LANES], second);
         (j, group) = (j + 2, group + 2);
     }
     if j < right.end {
         let sum = narrow_tile(simd, a, rows.group(j));
-        change::<S, C>(simd, sums.four(row, group), sum);
+        let at = sums.group(group) + row;
+        change::<S, C>(simd, &mut sums.values[at..at + LANES], sum);
     }
 }
 
