@@ -242,13 +242,13 @@ impl<C: Change> Work for &mut Product<'_, '_, C> {
 /// Four numbers of any precision.
 pub trait Four {
     /// In double precision.
-    fn doubles(&self) -> [f64; LANES];
+    fn load<S: Simd>(&self, simd: S) -> S::Vector;
 }
 
 impl Four for Quad {
     #[inline(always)]
-    fn doubles(&self) -> [f64; LANES] {
-        self.0
+    fn load<S: Simd>(&self, simd: S) -> S::Vector {
+        simd.load(&self.0)
     }
 }
 
@@ -258,11 +258,11 @@ pub fn weighted<S: Simd, F: Four>(simd: S, group: &[F], by: &[f64]) -> S::Vector
     let (mut even, mut odd) = (simd.splat(0.0), simd.splat(0.0));
     let ((pairs, last), (by_pairs, by_last)) = (group.as_chunks::<2>(), by.as_chunks::<2>());
     for ([a, b], [x, y]) in pairs.iter().zip(by_pairs) {
-        even = simd.mul_add(simd.load(&a.doubles()), simd.splat(*x), even);
-        odd = simd.mul_add(simd.load(&b.doubles()), simd.splat(*y), odd);
+        even = simd.mul_add(a.load(simd), simd.splat(*x), even);
+        odd = simd.mul_add(b.load(simd), simd.splat(*y), odd);
     }
     for (a, x) in last.iter().zip(by_last) {
-        even = simd.mul_add(simd.load(&a.doubles()), simd.splat(*x), even);
+        even = simd.mul_add(a.load(simd), simd.splat(*x), even);
     }
     simd.add(even, odd)
 }
@@ -286,15 +286,15 @@ pub fn change_weighted<S: Simd, F: Four, C: Change>(
         let even = by.len() - by.len() % 2;
         for k in (0..even).step_by(2) {
             let (x, y) = (simd.splat(by[k]), simd.splat(by[k + 1]));
-            sums[0] = simd.mul_add(simd.load(&first[k].doubles()), x, sums[0]);
-            sums[1] = simd.mul_add(simd.load(&second[k].doubles()), x, sums[1]);
-            sums[2] = simd.mul_add(simd.load(&first[k + 1].doubles()), y, sums[2]);
-            sums[3] = simd.mul_add(simd.load(&second[k + 1].doubles()), y, sums[3]);
+            sums[0] = simd.mul_add(first[k].load(simd), x, sums[0]);
+            sums[1] = simd.mul_add(second[k].load(simd), x, sums[1]);
+            sums[2] = simd.mul_add(first[k + 1].load(simd), y, sums[2]);
+            sums[3] = simd.mul_add(second[k + 1].load(simd), y, sums[3]);
         }
         for k in even..by.len() {
             let x = simd.splat(by[k]);
-            sums[0] = simd.mul_add(simd.load(&first[k].doubles()), x, sums[0]);
-            sums[1] = simd.mul_add(simd.load(&second[k].doubles()), x, sums[1]);
+            sums[0] = simd.mul_add(first[k].load(simd), x, sums[0]);
+            sums[1] = simd.mul_add(second[k].load(simd), x, sums[1]);
         }
         to[0] = simd.store(C::of(simd, &Quad(to[0]), simd.add(sums[0], sums[2])));
         to[1] = simd.store(C::of(simd, &Quad(to[1]), simd.add(sums[1], sums[3])));

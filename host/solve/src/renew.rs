@@ -94,7 +94,7 @@ impl Renewal {
         kernel::change_weighted::<S, _, Subtract>(simd, by_next, n, front, next.as_chunks_mut().0);
         kernel::change_weighted::<S, _, Subtract>(simd, by_border, n, front, border.gradient.as_chunks_mut().0);
         for (to, from) in y.iter_mut().zip(front.as_chunks().0) {
-            *to = T::keep(*from);
+            *to = T::keep(simd, simd.load(from));
         }
         border.squares -= front.iter().map(|y| y * y).sum::<f64>();
         std::mem::swap(front, next);
@@ -109,8 +109,10 @@ fn forward<S: Simd, T: Kept>(simd: S, u: &[[T; LANES]], g: &mut [f64]) {
         let (known, g) = g.split_at_mut(block * LANES);
         let [g0, g1, g2, g3, ..] = g else { unreachable!("a block has four rows") };
         let loss = simd.store(kernel::weighted(simd, above, known));
-        let [[s0, u01, u02, u03], [_, s1, u12, u13], [_, _, s2, u23], [.., s3]] =
-            [T::back(&own[0]), T::back(&own[1]), T::back(&own[2]), T::back(&own[3])];
+        let [s0, u01, u02, u03] = simd.store(T::back(simd, &own[0]));
+        let [_, s1, u12, u13] = simd.store(T::back(simd, &own[1]));
+        let [_, _, s2, u23] = simd.store(T::back(simd, &own[2]));
+        let [.., s3] = simd.store(T::back(simd, &own[3]));
         *g0 = (*g0 - loss[0]) * s0;
         *g1 = (*g1 - loss[1] - u01 * *g0) * s1;
         *g2 = (*g2 - loss[2] - u02 * *g0 - u12 * *g1) * s2;

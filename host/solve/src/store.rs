@@ -28,36 +28,36 @@ pub enum Precision {
 
 /// A number as it is kept.
 pub(super) trait Kept: Copy + Default + Send + Sync {
-    fn keep(values: [f64; LANES]) -> [Self; LANES];
-    fn back(values: &[Self; LANES]) -> [f64; LANES];
+    fn keep<S: Simd>(simd: S, values: S::Vector) -> [Self; LANES];
+    fn back<S: Simd>(simd: S, values: &[Self; LANES]) -> S::Vector;
 }
 
 impl Kept for f64 {
     #[inline(always)]
-    fn keep(values: [f64; LANES]) -> [f64; LANES] {
-        values
+    fn keep<S: Simd>(simd: S, values: S::Vector) -> [f64; LANES] {
+        simd.store(values)
     }
     #[inline(always)]
-    fn back(values: &[f64; LANES]) -> [f64; LANES] {
-        *values
+    fn back<S: Simd>(simd: S, values: &[f64; LANES]) -> S::Vector {
+        simd.load(values)
     }
 }
 
 impl Kept for f32 {
     #[inline(always)]
-    fn keep(values: [f64; LANES]) -> [f32; LANES] {
-        [values[0] as f32, values[1] as f32, values[2] as f32, values[3] as f32]
+    fn keep<S: Simd>(simd: S, values: S::Vector) -> [f32; LANES] {
+        simd.store_single(values)
     }
     #[inline(always)]
-    fn back(values: &[f32; LANES]) -> [f64; LANES] {
-        values.map(f64::from)
+    fn back<S: Simd>(simd: S, values: &[f32; LANES]) -> S::Vector {
+        simd.load_single(values)
     }
 }
 
 impl<T: Kept> kernel::Four for [T; LANES] {
     #[inline(always)]
-    fn doubles(&self) -> [f64; LANES] {
-        T::back(self)
+    fn load<S: Simd>(&self, simd: S) -> S::Vector {
+        T::back(simd, self)
     }
 }
 
@@ -99,7 +99,7 @@ impl Store {
     pub(super) fn quad(&self, at: usize) -> [f64; LANES] {
         match self {
             Store::Double(groups) => groups[at],
-            Store::Single(groups) => f32::back(&groups[at]),
+            Store::Single(groups) => groups[at].map(f64::from),
             Store::Nothing(_) => unreachable!("a factor that keeps nothing is not handed out"),
         }
     }
@@ -202,10 +202,10 @@ impl<'a> StoreMut<'a> {
 
     /// Keeps a factored front `[U | Y | Z]` and y. All of it belongs to one stage.
     #[inline(always)]
-    pub(super) fn keep(&mut self, front: &[Quad], right: &[f64]) {
+    pub(super) fn keep<S: Simd>(&mut self, simd: S, front: &[Quad], right: &[f64]) {
         match self {
-            StoreMut::Double(to) => keep(front, right, to),
-            StoreMut::Single(to) => keep(front, right, to),
+            StoreMut::Double(to) => keep(simd, front, right, to),
+            StoreMut::Single(to) => keep(simd, front, right, to),
             StoreMut::Nothing(_) => {}
         }
     }
@@ -223,25 +223,25 @@ pub(super) const fn upper_group(group: usize) -> usize {
 }
 
 #[inline(always)]
-fn keep<T: Kept>(front: &[Quad], right: &[f64], to: &mut [[T; LANES]]) {
+fn keep<S: Simd, T: Kept>(simd: S, front: &[Quad], right: &[f64], to: &mut [[T; LANES]]) {
     let n = right.len();
     let own = n / LANES;
     let (u, to) = to.split_at_mut(triangle(n));
     for (group, front) in front[..own * n].chunks_exact(n).enumerate() {
         let rows = (group + 1) * LANES;
-        keep_all(&front[..rows], &mut u[upper_group(group)..][..rows]);
+        keep_all(simd, &front[..rows], &mut u[upper_group(group)..][..rows]);
     }
     let (rows, y) = to.split_at_mut(front.len() - own * n);
-    keep_all(&front[own * n..], rows);
+    keep_all(simd, &front[own * n..], rows);
     for (to, from) in y.iter_mut().zip(right.as_chunks::<LANES>().0) {
-        *to = T::keep(*from);
+        *to = T::keep(simd, simd.load(from));
     }
 }
 
 #[inline(always)]
-fn keep_all<T: Kept>(from: &[Quad], to: &mut [[T; LANES]]) {
+fn keep_all<S: Simd, T: Kept>(simd: S, from: &[Quad], to: &mut [[T; LANES]]) {
     for (to, from) in to.iter_mut().zip(from) {
-        *to = T::keep(from.0);
+        *to = T::keep(simd, simd.load(&from.0));
     }
 }
 
@@ -261,11 +261,11 @@ pub(super) fn substitute<S: Simd, T: Kept>(simd: S, kept: &[[T; LANES]], known: 
                 let rows = &group[block * LANES..][..LANES];
                 let known = simd.load(&known.0);
                 for r in 0..LANES {
-                    sums[r] = simd.mul_add(simd.load(&T::back(&rows[r])), known, sums[r]);
+                    sums[r] = simd.mul_add(T::back(simd, &rows[r]), known, sums[r]);
                 }
             }
         }
-        let sum = simd.add(kernel::add_across(simd, sums), simd.load(&T::back(y)));
+        let sum = simd.add(kernel::add_across(simd, sums), T::back(simd, y));
         own.0 = simd.store(simd.sub(simd.splat(0.0), sum));
     }
     backward(simd, u, own);
@@ -280,13 +280,13 @@ fn backward<S: Simd, T: Kept>(simd: S, u: &[[T; LANES]], x: &mut [Quad]) {
         for group in block + 1..x.len() {
             let (rows, known) = (rows(group), simd.load(&x[group].0));
             for r in 0..LANES {
-                sums[r] = simd.mul_add(simd.load(&T::back(&rows[r])), known, sums[r]);
+                sums[r] = simd.mul_add(T::back(simd, &rows[r]), known, sums[r]);
             }
         }
         let own = rows(block);
         let mut value = simd.store(simd.sub(simd.load(&x[block].0), kernel::add_across(simd, sums)));
         for i in (0..LANES).rev() {
-            let row = T::back(&own[i]);
+            let row = simd.store(T::back(simd, &own[i]));
             for k in i + 1..LANES {
                 value[i] -= row[k] * value[k];
             }

@@ -253,6 +253,7 @@ impl Sweep {
     /// Eliminates the stage at the front into the next one, which takes its place; keeps U and `[Y | Z y]`.
     #[inline(always)]
     fn eliminate<S: Simd>(&mut self, simd: S, mut kept: StoreMut<'_>) -> Result<(), Pivot> {
+        kept.fetch();
         let Sweep { columns, front, next, border, .. } = self;
         let (n, own) = (columns.padded_stage, columns.stage_groups);
         for i in 0..n {
@@ -275,7 +276,7 @@ impl Sweep {
         kernel::change_weighted::<S, _, Subtract>(simd, by_next, n, right, next.right.as_chunks_mut().0);
         kernel::change_weighted::<S, _, Subtract>(simd, by_border, n, right, border.gradient.as_chunks_mut().0);
         border.squares -= right.iter().map(|y| y * y).sum::<f64>();
-        kept.keep(&front.values, right);
+        kept.keep(simd, &front.values, right);
         std::mem::swap(&mut self.front, &mut self.next);
         Ok(())
     }
@@ -301,7 +302,6 @@ pub(super) fn sweep_right<P: LeastSquares>(
     let size = columns.kept();
     for first in (0..kept.groups() / size).step_by(BATCH) {
         let kept = kept.part(first * size..(first + BATCH) * size);
-        kept.fetch();
         sweep.batch.fill(problem, point, first, &mut scratch);
         turn(&mut sweep, kept, Direction::Right).map_err(|(slot, pivot)| Singular { stage: first + slot, pivot })?;
     }
@@ -325,7 +325,6 @@ pub(super) fn sweep_left<P: LeastSquares>(
         // Stage `first + slot + 1` is eliminated at the turn of `slot`: there is none behind the last one.
         let eliminated = if first + count == stages { count - 1 } else { count };
         let kept = kept.part((first - middle) * size..(first - middle + eliminated) * size);
-        kept.fetch();
         sweep.batch.fill(problem, point, first, &mut scratch);
         turn(&mut sweep, kept, Direction::Left { count })
             .map_err(|(slot, pivot)| Singular { stage: first + slot + 1, pivot })?;

@@ -32,6 +32,10 @@ pub trait Simd: Copy + Send + Sync {
     fn load(self, values: &[f64; LANES]) -> Self::Vector;
     /// To memory.
     fn store(self, vector: Self::Vector) -> [f64; LANES];
+    /// From memory in single precision.
+    fn load_single(self, values: &[f32; LANES]) -> Self::Vector;
+    /// To memory in single precision.
+    fn store_single(self, vector: Self::Vector) -> [f32; LANES];
     /// a + b.
     fn add(self, a: Self::Vector, b: Self::Vector) -> Self::Vector;
     /// a − b.

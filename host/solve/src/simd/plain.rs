@@ -28,6 +28,14 @@ impl Simd for Plain {
         vector
     }
     #[inline(always)]
+    fn load_single(self, values: &[f32; LANES]) -> Self::Vector {
+        values.map(f64::from)
+    }
+    #[inline(always)]
+    fn store_single(self, vector: Self::Vector) -> [f32; LANES] {
+        vector.map(|value| value as f32)
+    }
+    #[inline(always)]
     fn add(self, a: Self::Vector, b: Self::Vector) -> Self::Vector {
         Self::zip(a, b, |a, b| a + b)
     }

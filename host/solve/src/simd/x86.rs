@@ -31,6 +31,14 @@ impl Simd for V3 {
         cast(vector)
     }
     #[inline(always)]
+    fn load_single(self, values: &[f32; LANES]) -> f64x4 {
+        self.convert_f32x4_to_f64x4(cast(*values))
+    }
+    #[inline(always)]
+    fn store_single(self, vector: f64x4) -> [f32; LANES] {
+        cast(self.convert_f64x4_to_f32x4(vector))
+    }
+    #[inline(always)]
     fn add(self, a: f64x4, b: f64x4) -> f64x4 {
         self.add_f64x4(a, b)
     }
