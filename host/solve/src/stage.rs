@@ -229,31 +229,49 @@ impl Stage {
     ) {
         let Some(first) = batch.first() else { return };
         let columns = first.columns;
-        let (n, leading) = (columns.shape.stage, columns.shape.leading);
+        let (n, padded) = (columns.shape.stage, columns.padded_stage);
         for (stage, linked) in batch.iter_mut().zip(linked) {
             stage.linked = linked;
-            for (i, w) in weight.iter().enumerate() {
-                stage.weight[i / LANES].0[i % LANES] = *w;
+            for (to, from) in stage.weight.iter_mut().zip(weight.chunks(LANES)) {
+                to.0[..from.len()].copy_from_slice(from);
             }
         }
-        for i in 0..n {
-            let (by_state, by_shared) = slopes[i * (n + leading)..(i + 1) * (n + leading)].split_at(n);
-            let w = simd.splat(weight[i]);
-            let groups = by_state.chunks(LANES).chain(by_shared.chunks(LANES));
-            for (group, columns_of_four) in groups.enumerate() {
-                // The columns of this group, each four stages wide.
-                let mut block = [simd.splat(0.0); LANES];
-                for (to, from) in block.iter_mut().zip(columns_of_four) {
-                    *to = simd.mul(simd.load(&from.0), w);
-                }
-                let block = simd.transpose(block);
-                for (stage, quad) in batch.iter_mut().zip(block) {
-                    stage.transition.values[group * columns.padded_stage + i] = Quad(simd.store(quad));
-                }
+        let width = n + columns.shape.leading;
+        for (first, defect) in (0..n).step_by(LANES).zip(defect.chunks(LANES)) {
+            let mut block = [simd.splat(0.0); LANES];
+            for ((to, from), w) in block.iter_mut().zip(defect).zip(&weight[first..]) {
+                *to = simd.mul(simd.load(&from.0), simd.splat(*w));
             }
-            let residuals = simd.store(simd.mul(simd.load(&defect[i].0), w));
-            for (stage, residual) in batch.iter_mut().zip(residuals) {
-                stage.transition.residuals[i] = residual;
+            for (stage, residuals) in batch.iter_mut().zip(simd.transpose(block)) {
+                let to = &mut stage.transition.residuals[first..first + defect.len()];
+                to.copy_from_slice(&simd.store(residuals)[..to.len()]);
+            }
+        }
+        // Four columns, each four stages wide, become a group of each stage.
+        let groups = columns.stage_groups + columns.leading_groups;
+        for group in 0..groups {
+            let of = if group < columns.stage_groups {
+                group * LANES..n.min((group + 1) * LANES)
+            } else {
+                let first = n + (group - columns.stage_groups) * LANES;
+                first..width.min(first + LANES)
+            };
+            let rows = slopes.chunks_exact(width).zip(weight);
+            let at = group * padded..group * padded + n;
+            if let [a, b, c, d] = &mut *batch {
+                let (a, b) = (&mut a.transition.values[at.clone()], &mut b.transition.values[at.clone()]);
+                let (c, d) = (&mut c.transition.values[at.clone()], &mut d.transition.values[at]);
+                for (((((row, w), a), b), c), d) in rows.zip(a).zip(b).zip(c).zip(d) {
+                    let [p, q, r, s] = by_stage(simd, &row[of.clone()], *w);
+                    (a.0, b.0) = (simd.store(p), simd.store(q));
+                    (c.0, d.0) = (simd.store(r), simd.store(s));
+                }
+            } else {
+                for (at, (row, w)) in at.zip(rows) {
+                    for (stage, quad) in batch.iter_mut().zip(by_stage(simd, &row[of.clone()], *w)) {
+                        stage.transition.values[at].0 = simd.store(quad);
+                    }
+                }
             }
         }
     }
@@ -298,4 +316,20 @@ impl Stage {
         };
         (0..panel.rows).map(dense).collect()
     }
+}
+
+/// Up to four columns, each four stages wide, times w: four columns of each stage.
+#[inline(always)]
+fn by_stage<S: Simd>(simd: S, columns: &[Quad], w: f64) -> [S::Vector; LANES] {
+    let (mut block, w) = ([simd.splat(0.0); LANES], simd.splat(w));
+    if let Ok(columns) = <&[Quad; LANES]>::try_from(columns) {
+        for j in 0..LANES {
+            block[j] = simd.mul(simd.load(&columns[j].0), w);
+        }
+    } else {
+        for (to, from) in block.iter_mut().zip(columns) {
+            *to = simd.mul(simd.load(&from.0), w);
+        }
+    }
+    simd.transpose(block)
 }
