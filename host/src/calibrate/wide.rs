@@ -6,7 +6,7 @@ use super::problem::Problem;
 use super::row_plan::GyroRow;
 use super::triple::{Triple, Value, apply, by_rotation, by_rows, cross, dot, splat};
 use crate::model::fast::{Fast, GyroQuads, JOINTS, RateSource, Samples, StepQuads, WITH_PAIR, WITH_PAIRS};
-use solve::simd::{LANES, Quad, Simd, Work, vectorised};
+use solve::simd::{LANES, Quad, Simd, Work, columns, vectorised};
 use solve::{BATCH, Stage};
 
 /// What a batch reads, one quad a value, and room for its step: one a thread.
@@ -16,6 +16,8 @@ pub(super) struct Wide {
     after: Vec<Quad>,
     u: Vec<Quad>,
     measured: Vec<Quad>,
+    /// Which recording each stage is of.
+    recording: [usize; LANES],
     time_s: Quad,
     duration_s: Quad,
     step: StepQuads,
@@ -23,28 +25,29 @@ pub(super) struct Wide {
 
 impl Wide {
     /// Gathers `count` stages from `first` on; the lanes that are left repeat the last one.
-    fn gather(&mut self, problem: &Problem<'_>, point: &Point<'_>, first: usize, count: usize) {
+    #[inline(always)]
+    fn gather<S: Simd>(&mut self, simd: S, (problem, point): (&Problem<'_>, &Point<'_>), first: usize, count: usize) {
         let (size, series) = (problem.process_weight.len(), problem.series);
         let last = series.stages() - 1;
         self.x.resize(size, Quad::default());
         self.after.resize(size, Quad::default());
         self.u.resize(JOINTS, Quad::default());
         self.measured.resize(series.channels.len(), Quad::default());
-        for lane in 0..LANES {
-            let k = first + lane.min(count - 1);
-            let fill = |quads: &mut [Quad], values: &[f64]| {
-                for (quad, value) in quads.iter_mut().zip(values) {
-                    quad.0[lane] = *value;
-                }
-            };
-            fill(&mut self.x, point.state(k));
-            fill(&mut self.after, point.state((k + 1).min(last)));
-            fill(&mut self.u, series.input(k));
-            fill(&mut self.measured, series.measured(k));
-            self.time_s.0[lane] = series.time_s(k);
-            let duration_s = series.duration_s(k);
+        let mut stages = [first; LANES];
+        for (lane, k) in stages.iter_mut().enumerate() {
+            *k = first + lane.min(count - 1);
+            self.recording[lane] = series.recording_of(*k);
+            self.time_s.0[lane] = series.time_s(*k);
+            let duration_s = series.duration_s(*k);
             self.duration_s.0[lane] = if duration_s.is_nan() { 0.0 } else { duration_s };
         }
+        let [a, b, c, d] = stages;
+        columns(simd, [point.state(a), point.state(b), point.state(c), point.state(d)], &mut self.x);
+        columns(simd, [series.input(a), series.input(b), series.input(c), series.input(d)], &mut self.u);
+        let measured = [series.measured(a), series.measured(b), series.measured(c), series.measured(d)];
+        columns(simd, measured, &mut self.measured);
+        let [a, b, c, d] = [(a + 1).min(last), (b + 1).min(last), (c + 1).min(last), (d + 1).min(last)];
+        columns(simd, [point.state(a), point.state(b), point.state(c), point.state(d)], &mut self.after);
     }
 }
 
@@ -79,7 +82,6 @@ impl<'m> Problem<'m> {
         scratch: &mut Wide,
         batch: &mut [Stage],
     ) {
-        scratch.gather(self, point, first, batch.len());
         for stage in &mut *batch {
             stage.clear();
         }
@@ -99,7 +101,6 @@ impl<'m> Problem<'m> {
         let mut sum = 0.0;
         for first in stages.clone().step_by(BATCH) {
             let count = BATCH.min(stages.end - first);
-            scratch.gather(self, point, first, count);
             sum += self.run_wide(fast, point, (first, count), scratch, Sink::Squares(0.0));
         }
         0.5 * sum
@@ -140,6 +141,7 @@ impl<const L: usize> Work for Batch<'_, '_, L> {
 
     #[inline(always)]
     fn run<S: Simd>(mut self, simd: S) -> f64 {
+        self.scratch.gather(simd, (self.problem, self.point), self.first, self.count);
         let samples = Samples::<S, L>::new(simd, self.fast, &self.scratch.x);
         self.transitions(simd, &samples);
         self.scalar_rows();
@@ -229,7 +231,7 @@ impl<const L: usize> Batch<'_, '_, L> {
         let Batch { problem, point, first, count, scratch, sink, .. } = self;
         for lane in 0..*count {
             let k = *first + lane;
-            let recording = problem.series.recording_of(k);
+            let recording = scratch.recording[lane];
             if !problem.series.rest[recording].contains(&k) {
                 continue;
             }
@@ -259,8 +261,7 @@ impl<const L: usize> Batch<'_, '_, L> {
         let mut bias = value;
         for axis in 0..3 {
             let mut lanes = [0.0; LANES];
-            for (lane, to) in lanes.iter_mut().enumerate() {
-                let recording = self.problem.series.recording_of(self.first + lane.min(self.count - 1));
+            for (to, recording) in lanes.iter_mut().zip(self.scratch.recording) {
                 *to = self.point.biases[recording][gyro.gyro][axis];
             }
             value[axis] = Value::load(simd, &self.scratch.measured[gyro.channel + axis].0);
@@ -379,7 +380,7 @@ impl<const L: usize> Batch<'_, '_, L> {
                     to.add_shared(first + axis, row.weight * by[axis].to_array()[lane]);
                 }
             }
-            let recording = self.problem.series.recording_of(self.first + lane);
+            let recording = self.scratch.recording[lane];
             if let Some((gyro, axis)) = row.bias {
                 to.add_shared(self.problem.border.bias(recording, gyro) + axis, row.weight);
             }

@@ -92,6 +92,26 @@ pub fn compiled_for_this_machine<R>(f: impl FnOnce() -> R) -> R {
     vectorised(Plainly(f))
 }
 
+/// The columns of four rows, as long as `to`: column j of all of them becomes `to[j]`.
+#[inline(always)]
+pub fn columns<S: Simd>(simd: S, rows: [&[f64]; LANES], to: &mut [Quad]) {
+    let whole = to.len() - to.len() % LANES;
+    let [(a, _), (b, _), (c, _), (d, _)] = [
+        rows[0].as_chunks::<LANES>(),
+        rows[1].as_chunks::<LANES>(),
+        rows[2].as_chunks::<LANES>(),
+        rows[3].as_chunks::<LANES>(),
+    ];
+    for ((((to, a), b), c), d) in to.as_chunks_mut::<LANES>().0.iter_mut().zip(a).zip(b).zip(c).zip(d) {
+        let [p, q, r, s] = simd.transpose([simd.load(a), simd.load(b), simd.load(c), simd.load(d)]);
+        (to[0].0, to[1].0) = (simd.store(p), simd.store(q));
+        (to[2].0, to[3].0) = (simd.store(r), simd.store(s));
+    }
+    for (j, to) in to.iter_mut().enumerate().skip(whole) {
+        to.0 = [rows[0][j], rows[1][j], rows[2][j], rows[3][j]];
+    }
+}
+
 /// Asks for memory that will soon be read or written, so that nothing waits for it then. Memory that is gone through backwards, or written only,
 /// no machine sees coming by itself.
 #[inline(always)]
