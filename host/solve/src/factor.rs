@@ -19,7 +19,7 @@ use super::store::{Kept, Precision, Store, substitute, triangle};
 use super::sweep::{Reduced, Sweep, finish, sweep_left, sweep_right};
 use super::threads::both;
 use super::{LeastSquares, Step};
-use crate::simd::{LANES, Quad, Simd, Work, vectorised};
+use crate::simd::{LANES, Quad, Simd, Work, fetch, vectorised};
 
 /// A factorised chain: what the back-substitution needs, and the reduced border system.
 #[derive(Debug)]
@@ -269,8 +269,8 @@ pub fn reduced<P: LeastSquares>(
     Ok(factor.schur())
 }
 
-/// Stages whose factors stay in the nearest caches.
-const NEAR: usize = 8;
+/// So many stages ahead what is kept of them is asked for.
+const SOON: usize = 3;
 
 /// What a stage's step is made of.
 #[derive(Debug, Clone)]
@@ -315,22 +315,17 @@ impl<T: Kept> Work for BackSubstitute<'_, T> {
 
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
-        let BackSubstitute { x, kept, states, .. } = self;
+        let BackSubstitute { x, kept, states, backwards } = self;
         let (size, n) = (x.columns.kept(), x.columns.shape.stage);
-        if !self.backwards {
-            for (kept, states) in kept.chunks_exact(size).zip(states.chunks_exact_mut(n)) {
-                x.go_on(simd, kept, states);
+        let stages = kept.len() / size;
+        for turn in 0..stages {
+            // Memory that is read backwards no machine sees coming, and of what is read forwards not the next page.
+            let (k, soon) =
+                if backwards { (stages - 1 - turn, (stages - 1 - turn).checked_sub(SOON)) } else { (turn, Some(turn + SOON)) };
+            if let Some(soon) = soon.and_then(|soon| kept.get(soon * size..(soon + 1) * size)) {
+                fetch(soon);
             }
-            return;
-        }
-        // Memory that is read backwards comes four times as slowly. So it is read forwards, a few stages at a time, into a nearer one.
-        let mut near = Vec::with_capacity(NEAR * size);
-        for (kept, states) in kept.chunks(NEAR * size).rev().zip(states.chunks_mut(NEAR * n).rev()) {
-            near.clear();
-            near.extend_from_slice(kept);
-            for (kept, states) in near.chunks_exact(size).rev().zip(states.chunks_exact_mut(n).rev()) {
-                x.go_on(simd, kept, states);
-            }
+            x.go_on(simd, &kept[k * size..(k + 1) * size], &mut states[k * n..(k + 1) * n]);
         }
     }
 }
