@@ -320,8 +320,11 @@ impl<T: Kept> Work for BackSubstitute<'_, T> {
         let stages = kept.len() / size;
         for turn in 0..stages {
             // Memory that is read backwards no machine sees coming, and of what is read forwards not the next page.
-            let (k, soon) =
-                if backwards { (stages - 1 - turn, (stages - 1 - turn).checked_sub(SOON)) } else { (turn, Some(turn + SOON)) };
+            let (k, soon) = if backwards {
+                (stages - 1 - turn, (stages - 1 - turn).checked_sub(SOON))
+            } else {
+                (turn, Some(turn + SOON))
+            };
             if let Some(soon) = soon.and_then(|soon| kept.get(soon * size..(soon + 1) * size)) {
                 fetch(soon);
             }

@@ -18,7 +18,7 @@ use super::store::{Kept, Store, triangle, upper_group};
 use super::sweep::{Reduced, Sweep};
 use super::threads::both;
 use super::walk::{Batch, Direction, Front, Steps, walk};
-use crate::simd::{LANES, Simd, Work, vectorised};
+use crate::simd::{LANES, Simd, Work, fetch, vectorised};
 
 /// One end's sweep over the gradient.
 struct Renewal {
@@ -120,20 +120,15 @@ fn forward<S: Simd, T: Kept>(simd: S, u: &[[T; LANES]], g: &mut [f64]) {
     }
 }
 
-/// Not generic over the problem, so that it is compiled once for each precision. Memory is read forwards into `near`, whatever the direction: see the
-/// back-substitution.
-fn turn<T: Kept>(renewal: &mut Renewal, kept: &mut [[T; LANES]], near: &mut Vec<[T; LANES]>, direction: Direction) {
-    near.clear();
-    near.extend_from_slice(kept);
-    let Ok(()) = vectorised(Turn { renewal, kept, near, direction });
+/// Not generic over the problem, so that it is compiled once for each precision.
+fn turn<T: Kept>(renewal: &mut Renewal, kept: &mut [[T; LANES]], direction: Direction) {
+    let Ok(()) = vectorised(Turn { renewal, kept, direction });
 }
 
 /// The stages of a batch, as many as `kept` has.
 struct Turn<'a, T> {
     renewal: &'a mut Renewal,
     kept: &'a mut [[T; LANES]],
-    /// A copy of it.
-    near: &'a [[T; LANES]],
     direction: Direction,
 }
 
@@ -164,8 +159,8 @@ impl<T: Kept> Steps for Turn<'_, T> {
     #[inline(always)]
     fn eliminate<S: Simd>(&mut self, simd: S, slot: usize) -> Result<(), Infallible> {
         let (size, own) = (self.renewal.columns.kept(), self.renewal.columns.stage_groups);
-        let end = (slot + 1) * size;
-        self.renewal.eliminate(simd, &self.near[end - size..end - own], &mut self.kept[end - own..end]);
+        let (kept, y) = self.kept[slot * size..(slot + 1) * size].split_at_mut(size - own);
+        self.renewal.eliminate(simd, kept, y);
         Ok(())
     }
 }
@@ -204,7 +199,7 @@ fn renew<P: LeastSquares, T: Kept>(
     renewal.batch.linearise = renewal.batch.linearise.max(left.batch.linearise);
     renewal.take_over(&left);
     at.0.border_rows(at.1, renewal.batch.stage_for_border());
-    turn(&mut renewal, middle_kept, &mut Vec::new(), Direction::Right);
+    turn(&mut renewal, middle_kept, Direction::Right);
     renewal
 }
 
@@ -214,10 +209,12 @@ fn rightwards<P: LeastSquares, T: Kept>(
     columns: Columns,
     kept: &mut [[T; LANES]],
 ) -> Renewal {
-    let (mut renewal, mut near, mut scratch) = (Renewal::new(columns), Vec::new(), problem.scratch());
+    let (mut renewal, mut scratch) = (Renewal::new(columns), problem.scratch());
     for (batch, kept) in kept.chunks_mut(BATCH * columns.kept()).enumerate() {
+        // What no machine sees coming while it is at the residuals.
+        fetch(kept);
         renewal.batch.fill(problem, point, batch * BATCH, &mut scratch);
-        turn(&mut renewal, kept, &mut near, Direction::Right);
+        turn(&mut renewal, kept, Direction::Right);
     }
     renewal
 }
@@ -229,13 +226,15 @@ fn leftwards<P: LeastSquares, T: Kept>(
     middle: usize,
     kept: &mut [[T; LANES]],
 ) -> Renewal {
-    let (mut renewal, mut near, mut scratch) = (Renewal::new(columns), Vec::new(), problem.scratch());
+    let (mut renewal, mut scratch) = (Renewal::new(columns), problem.scratch());
     let (stages, size) = (columns.shape.stages, columns.kept());
     for first in (middle..stages).step_by(BATCH).rev() {
-        let count = renewal.batch.fill(problem, point, first, &mut scratch);
+        let count = BATCH.min(stages - first);
         let eliminated = if first + count == stages { count - 1 } else { count };
         let kept = &mut kept[(first - middle) * size..(first - middle + eliminated) * size];
-        turn(&mut renewal, kept, &mut near, Direction::Left { count });
+        fetch(kept);
+        renewal.batch.fill(problem, point, first, &mut scratch);
+        turn(&mut renewal, kept, Direction::Left { count });
     }
     renewal
 }

@@ -19,19 +19,18 @@ impl Batch {
         Batch { stages: vec![Stage::new(columns); BATCH], linearise: Duration::ZERO }
     }
 
-    /// Linearises the stages from `first` on, and tells how many there are.
+    /// Linearises the stages from `first` on.
     pub(super) fn fill<P: LeastSquares>(
         &mut self,
         problem: &P,
         point: &P::Point,
         first: usize,
         scratch: &mut P::Scratch,
-    ) -> usize {
+    ) {
         let clock = Instant::now();
         let count = BATCH.min(problem.shape().stages - first);
         problem.linearise(point, first, scratch, &mut self.stages[..count]);
         self.linearise += clock.elapsed();
-        count
     }
 
     /// An empty stage for the border's own rows.
