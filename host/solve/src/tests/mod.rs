@@ -1,6 +1,7 @@
 //! The structured elimination against a dense one, on small random problems.
 
 mod columns;
+mod kernels;
 mod overshoot;
 mod properties;
 mod random;
