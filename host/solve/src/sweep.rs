@@ -286,7 +286,9 @@ impl Sweep {
 #[inline(always)]
 fn border_sums<'a>(columns: &Columns, border: &'a mut Reduced, first: usize) -> Sums<'a> {
     let rows = columns.border_groups * LANES;
-    Sums::of(&mut border.values[first * (rows + LANES)..], rows)
+    // Behind the last group there is nothing, and nothing to be summed.
+    let at = (first * (rows + LANES)).min(border.values.len());
+    Sums::of(&mut border.values[at..], rows)
 }
 
 /// Stages 0 … middle−1, each into its successor; `kept` has room for them. `middle` is a multiple of the batch.

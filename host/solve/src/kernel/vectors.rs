@@ -40,6 +40,7 @@ pub fn change_weighted<S: Simd, F: Four, C: Change>(
     by: &[f64],
     to: &mut [[f64; LANES]],
 ) {
+    debug_assert_eq!(groups.len(), to.len() * rows, "a group has a place in the vector");
     let zero = simd.splat(0.0);
     let mut pairs = groups.chunks_exact(2 * rows);
     let (to_pairs, to_last) = to.as_chunks_mut::<2>();

@@ -40,7 +40,9 @@ pub fn spec() -> impl Strategy<Value = Spec> {
         if stages < 3 {
             quiet.clear();
         }
-        Spec { seed, stages, n, m, weight: 10f64.powf(weight), decades, units, breaks, quiet, dependent: false }
+        let all_leading = seed % 4 == 0;
+        let weight = 10f64.powf(weight);
+        Spec { seed, stages, n, m, weight, decades, units, breaks, quiet, all_leading, dependent: false }
     })
 }
 
