@@ -4,7 +4,8 @@
 //! for it. On x86-64 with AVX2 and FMA a vector is one register (through `pulp`, so that no `unsafe` is needed here); elsewhere it is a
 //! plain array that the compiler does what it can with. Results differ between the two by rounding only: one fuses multiply-adds.
 //!
-//! Everything that runs inside a work must be `#[inline(always)]`: only what is inlined is compiled for the chosen instruction set.
+//! Everything that runs inside a work must be `#[inline(always)]`: only what is inlined is compiled for the chosen instruction set. Closures are not
+//! always, those of `array::map` and of adapters least: loops are written out.
 
 mod plain;
 mod wide;
@@ -55,8 +56,8 @@ pub trait Simd: Copy + Send + Sync {
     /// The transpose of a 4×4 block.
     fn transpose(self, rows: [Self::Vector; LANES]) -> [Self::Vector; LANES];
 
-    /// Runs `work` as a function of its own, compiled for the same instruction set: where a loop is used in many places, so that all of it stays in the
-    /// nearest cache of instructions.
+    /// Runs `work` as a function of its own, compiled for the same instruction set: for a loop that is used in many places, so that its
+    /// instructions stay at hand.
     fn apart<W: Work>(self, work: W) -> W::Output;
 }
 
