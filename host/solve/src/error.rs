@@ -14,8 +14,8 @@ pub struct Singular {
 /// Why a problem cannot be solved at all.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum SolveError {
-    /// A stage is larger than the room that kernels have.
-    #[error("a stage has {stage} unknowns, the solver has room for at most {MAX_STAGE_SIZE}")]
+    /// A stage is larger than what the solver is made for.
+    #[error("a stage has {stage} unknowns, the solver is made for at most {MAX_STAGE_SIZE}")]
     StageTooLarge {
         /// Unknowns of a stage.
         stage: usize,

@@ -184,7 +184,7 @@ impl Factor {
             let first = group * LANES;
             for i in 0..first + LANES {
                 let quad = next();
-                // Below the diagonal is what was there before.
+                // What is below the diagonal means nothing.
                 for j in i.max(first)..n.min(first + LANES) {
                     to.u[i * n + j] = quad[j - first];
                 }
@@ -228,6 +228,7 @@ impl Factor {
 
     /// Makes `step` the step of all states that goes with the step `border` of the shared unknowns.
     pub fn back_substitute(&self, border: &[f64], threads: usize, step: &mut Step) {
+        debug_assert_eq!(border.len(), self.columns.shape.border, "all shared unknowns have a step");
         step.border.clear();
         step.border.extend_from_slice(border);
         step.states.resize(self.columns.shape.stages * self.columns.shape.stage, 0.0);

@@ -40,7 +40,7 @@ pub trait LeastSquares: Sync {
     /// a gap, nor at the last stage). The stages come as they were used last: [`Stage::clear`] them. `first` is a multiple of [`BATCH`](crate::BATCH).
     fn linearise(&self, point: &Self::Point, first: usize, scratch: &mut Self::Scratch, batch: &mut [Stage]);
 
-    /// Adds whitened residual rows of the border alone (priors on shared unknowns) to `stage`; none by default.
+    /// Adds whitened residual rows of the border alone (priors on shared unknowns) to `stage`, and no transition; no rows by default.
     fn border_rows(&self, _point: &Self::Point, _stage: &mut Stage) {}
 
     /// ½ Σ r² of the residuals that start at `stages` (their rows and their transitions). `stages` starts at a multiple of [`BATCH`](crate::BATCH).

@@ -216,8 +216,8 @@ impl Stage {
         Stage::new(Columns::of(shape).unwrap())
     }
 
-    /// Sets the transitions of a whole batch. Lane l of the quads belongs to stage l: `slopes` is ∂φ/∂x and ∂φ/∂p of the leading shared
-    /// unknowns, n rows of n + leading; `defect` is φ − x[k+1]; `weight` is 1/σ. Lanes that are not `linked` are left out.
+    /// Sets the transitions of a whole batch, whitened. Lane l of the quads belongs to `batch[l]`: `slopes` is ∂φ/∂x and ∂φ/∂p of the leading shared
+    /// unknowns, n rows of n + leading; `defect` is φ − x[k+1], n; `weight` is 1/σ, n. Stages that are not `linked` get none.
     #[inline(always)]
     pub fn set_transitions<S: Simd>(
         simd: S,
@@ -230,6 +230,7 @@ impl Stage {
         let Some(first) = batch.first() else { return };
         let columns = first.columns;
         let (n, padded) = (columns.shape.stage, columns.padded_stage);
+        debug_assert_eq!((slopes.len(), defect.len(), weight.len()), (n * (n + columns.shape.leading), n, n));
         for (stage, linked) in batch.iter_mut().zip(linked) {
             stage.linked = linked;
             for (to, from) in stage.weight.iter_mut().zip(weight.chunks(LANES)) {

@@ -27,7 +27,7 @@ pub enum Precision {
 }
 
 /// A number as it is kept.
-pub(super) trait Kept: Copy + Default + Send + Sync {
+pub(super) trait Kept: Copy + Send + Sync {
     fn keep<S: Simd>(simd: S, values: S::Vector) -> [Self; LANES];
     fn back<S: Simd>(simd: S, values: &[Self; LANES]) -> S::Vector;
 }

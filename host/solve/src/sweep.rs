@@ -9,11 +9,15 @@ use super::store::StoreMut;
 use super::walk::{Batch, Direction, Front, Steps, walk};
 use crate::simd::{LANES, Quad, Simd, Work, vectorised};
 
-/// Sums over rows: a stage's block `[D | E | B]` with its gradient, or the border's with Σ r².
+/// Sums over the rows of a stage: its block `[D | E | B]`, and its gradient.
+///
+/// Of D the groups on and above the diagonal are meant, and of its diagonal blocks the upper triangle: whatever is below is nobody's. E is set where the
+/// stage's transition is added, or where it has none; D and B of the stage that comes next are set there, too.
 #[derive(Debug, Clone)]
 struct Block {
     /// `[D | E | B]` by groups of the stage's padded size.
     values: Vec<Quad>,
+    /// Σ ∂r/∂x r, of the padded size.
     right: Vec<f64>,
     /// The diagonal of D before anything was taken off it: what damping multiplies. Kept only where there is damping.
     diagonal: Vec<f64>,
@@ -29,7 +33,7 @@ pub(super) struct Reduced {
     pub squares: f64,
 }
 
-/// The block of the stage that comes next, and everything its elimination needs.
+/// The block of the stage at the front, of the one that comes next, and everything their elimination needs.
 pub(super) struct Sweep {
     columns: Columns,
     /// The stage at the front: what has been eliminated into it, its coupling, its share of the border.
@@ -45,13 +49,20 @@ pub(super) struct Sweep {
 impl Sweep {
     fn new(columns: Columns, damping: f64) -> Self {
         let n = columns.padded_stage;
-        let block =
+        let mut front =
             Block { values: vec![Quad::default(); n * columns.front()], right: vec![0.0; n], diagonal: vec![0.0; n] };
+        let mut next = front.clone();
+        if cfg!(test) {
+            // What should be set before it is read.
+            let unset = Quad([f64::NAN; LANES]);
+            next.values.fill(unset);
+            front.values[n * columns.stage_groups..2 * n * columns.stage_groups].fill(unset);
+        }
         let width = columns.border_groups * LANES;
         Sweep {
             columns,
-            front: block.clone(),
-            next: block,
+            front,
+            next,
             damping,
             border: Reduced {
                 values: vec![Quad::default(); width * columns.border_groups],
@@ -336,7 +347,6 @@ pub(super) fn sweep_left<P: LeastSquares>(
 
 /// The border's own rows, then the last stage, into nothing.
 pub(super) fn finish(sweep: &mut Sweep, kept: StoreMut<'_>) -> Result<(), Pivot> {
-    sweep.batch.stages[0].unlink();
     turn(sweep, kept, Direction::Right).map_err(|(_, pivot)| pivot)
 }
 

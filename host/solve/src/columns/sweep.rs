@@ -88,8 +88,9 @@ impl Sweep {
         let (own, behind) = (columns.stage_groups, columns.stage_groups + columns.groups_with_right());
         let (all, height) = (behind + extra, (columns.groups_with_right() + extra) * LANES);
         kernel::product::<S, C>(simd, rows, own..behind, behind..all, &mut Sums::of(sums, height));
-        let own_sums = &mut sums[columns.groups_with_right() * LANES..];
-        kernel::upper::<S, C>(simd, rows, behind..all, all, &mut Sums::of(own_sums, height));
+        // Without columns there are no sums either.
+        let own_sums = (columns.groups_with_right() * LANES).min(sums.len());
+        kernel::upper::<S, C>(simd, rows, behind..all, all, &mut Sums::of(&mut sums[own_sums..], height));
     }
 
     /// Adds what the transition of `slot` says of its successor, −w times its entries.

@@ -18,7 +18,7 @@ pub use vectors::{Four, add_across, change_weighted, weighted};
 
 use crate::simd::LANES;
 
-/// The largest stage that can be solved.
+/// The largest stage that the solver is made for: tests go so far.
 pub const MAX_STAGE_SIZE: usize = 36;
 
 /// Groups of four that hold `width` columns.

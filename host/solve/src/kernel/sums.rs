@@ -23,7 +23,7 @@ impl<'a> Rows<'a> {
     }
 }
 
-/// A matrix that sums are added to, by groups.
+/// A matrix that sums are added to, taken off, or put into, by groups.
 #[derive(Debug)]
 pub struct Sums<'a> {
     /// Row i of group g is at `g · rows + i`.
@@ -162,8 +162,9 @@ fn strip<S: Simd, C: Change>(
     }
 }
 
-/// Changes `sums` by `Σ_k rows[k]ᵀ rows[k]`: the groups `left` times themselves and all behind them up to `end`, on and above the diagonal. What is
-/// below it is nothing that anybody reads.
+/// Changes `sums` by `Σ_k rows[k]ᵀ rows[k]`: the groups `left` times themselves and all behind them up to `end`. The sums of groups
+/// `left.start + a` and `left.start + b`, a ≤ b, are the rows 4a … 4a + 3 of group b, or of one behind the gap. Diagonal blocks are whole; below them nothing
+/// is touched.
 #[inline(always)]
 pub fn upper<S: Simd, C: Change>(simd: S, rows: Rows<'_>, left: Range<usize>, end: usize, sums: &mut Sums<'_>) {
     simd.apart(&mut Upper { rows, left, end, sums, change: PhantomData::<C> });
@@ -191,7 +192,8 @@ impl<C: Change> Work for &mut Upper<'_, '_, C> {
     }
 }
 
-/// Changes `sums` by `Σ_k rows[k]ᵀ rows[k]`: the groups `left` times the groups `right`.
+/// Changes `sums` by `Σ_k rows[k]ᵀ rows[k]`: the groups `left` times the groups `right`. The sums of groups `left.start + a` and
+/// `right.start + b` are the rows 4a … 4a + 3 of group b, or of one behind the gap.
 #[inline(always)]
 pub fn product<S: Simd, C: Change>(
     simd: S,

@@ -5,7 +5,7 @@
 //! plain array that the compiler does what it can with. Results differ between the two by rounding only: one fuses multiply-adds.
 //!
 //! Everything that runs inside a work must be `#[inline(always)]`: only what is inlined is compiled for the chosen instruction set. Closures are not
-//! always, those of `array::map` and of adapters least: loops are written out.
+//! always, those of `array::map` and of adapters least: loops over vectors are written out.
 
 mod plain;
 mod wide;
@@ -56,8 +56,8 @@ pub trait Simd: Copy + Send + Sync {
     /// The transpose of a 4×4 block.
     fn transpose(self, rows: [Self::Vector; LANES]) -> [Self::Vector; LANES];
 
-    /// Runs `work` as a function of its own, compiled for the same instruction set: for a loop that is used in many places, so that its
-    /// instructions stay at hand.
+    /// Runs `work`, compiled for the same instruction set, as a function of its own where the machine gains by that: for a loop that is used in many
+    /// places, so that its instructions stay at hand.
     fn apart<W: Work>(self, work: W) -> W::Output;
 }
 
@@ -96,6 +96,7 @@ pub fn compiled_for_this_machine<R>(f: impl FnOnce() -> R) -> R {
 /// The columns of four rows, as long as `to`: column j of all of them becomes `to[j]`.
 #[inline(always)]
 pub fn columns<S: Simd>(simd: S, rows: [&[f64]; LANES], to: &mut [Quad]) {
+    debug_assert!(rows.iter().all(|row| row.len() == to.len()), "{:?} columns of {}", rows.map(<[f64]>::len), to.len());
     let whole = to.len() - to.len() % LANES;
     let [(a, _), (b, _), (c, _), (d, _)] = [
         rows[0].as_chunks::<LANES>(),

@@ -6,6 +6,7 @@ use rand::{RngExt, SeedableRng, rngs::StdRng};
 
 use crate::kernel::{self, Add, Change, Rows, Set, Subtract, Sums};
 use crate::simd::{LANES, Plain, Quad, Simd, Work, columns, vectorised};
+use crate::{BATCH, Shape, Stage};
 
 fn random(rng: &mut StdRng, quads: usize) -> Vec<Quad> {
     (0..quads).map(|_| Quad(std::array::from_fn(|_| rng.random_range(-1.0..1.0)))).collect()
@@ -57,13 +58,18 @@ fn holds<C: Change>(case: &Case, expected: impl Fn(f64, f64) -> f64) {
     let change = PhantomData::<C>;
     let mut rng = StdRng::seed_from_u64(7);
     let height = case.left.len() * LANES + 4;
-    let values = random(&mut rng, case.groups * case.capacity);
+    let mut values = random(&mut rng, case.groups * case.capacity);
+    // What is behind the rows is nobody's.
+    for group in values.chunks_mut(case.capacity) {
+        group[case.count..].fill(Quad([f64::NAN; LANES]));
+    }
     let before = random(&mut rng, (case.groups + case.gap.len()) * height);
     let right = case.right.clone().unwrap_or(case.left.start..case.groups);
     let mut found = [before.clone(), before.clone()];
     let [best, plain] = &mut found;
     vectorised(Run { case, values: &values, sums: best, height, change });
     Run { case, values: &values, sums: plain, height, change }.run(Plain);
+    let mut is_free = vec![true; before.len()];
     for i in 0..case.left.len() * LANES {
         for j in 0..right.len() * LANES {
             // Below the diagonal blocks of an upper part nothing is promised.
@@ -75,6 +81,7 @@ fn holds<C: Change>(case: &Case, expected: impl Fn(f64, f64) -> f64) {
                 (0..case.count).map(|k| at(&values, case.capacity, k, a) * at(&values, case.capacity, k, b)).sum();
             let group = j / LANES + if j / LANES < case.gap.start { 0 } else { case.gap.len() };
             let column = group * LANES + j % LANES;
+            is_free[group * height + i] = false;
             let expected = expected(at(&before, height, i, column), sum);
             for found in &found {
                 let found = at(found, height, i, column);
@@ -82,6 +89,9 @@ fn holds<C: Change>(case: &Case, expected: impl Fn(f64, f64) -> f64) {
                 assert!((found - expected).abs() < 1e-14, "{case:?} row {i} column {j}: {found} instead of {expected}");
             }
         }
+    }
+    for (at, is_free) in is_free.into_iter().enumerate() {
+        assert!(!is_free || found.iter().all(|found| found[at] == before[at]), "{case:?}: quad {at} is another's");
     }
 }
 
@@ -121,13 +131,13 @@ impl Work for Factored<'_> {
 fn a_front_is_factored_with_all_behind_it() {
     let mut rng = StdRng::seed_from_u64(3);
     for (n, groups) in [(4, 1), (4, 2), (8, 3), (12, 6), (12, 12), (16, 7)] {
-        // D = Mᵀ M + 1, so that it is positive.
+        // D = Mᵀ M + 1, so that it is positive; below its diagonal is what nobody reads.
         let m = random(&mut rng, n / LANES * n);
         let mut front = random(&mut rng, groups * n);
         for i in 0..n {
             for j in 0..n {
                 let sum: f64 = (0..n).map(|k| at(&m, n, k, i) * at(&m, n, k, j)).sum();
-                front[j / LANES * n + i].0[j % LANES] = sum + f64::from(i == j);
+                front[j / LANES * n + i].0[j % LANES] = if i > j { f64::NAN } else { sum + f64::from(i == j) };
             }
         }
         let right: Vec<f64> = (0..n).map(|_| rng.random_range(-1.0..1.0)).collect();
@@ -198,6 +208,64 @@ fn vectors_are_summed_from_single_precision() {
                 let sum: f64 = (0..count).map(|k| f64::from(values[g * rows + k][lane]) * by[k]).sum();
                 for found in [best[g][lane], plain[g][lane]] {
                     assert!((found - 1.0 - sum).abs() < 1e-14, "{groups} × {rows}: {found} instead of {}", 1.0 + sum);
+                }
+            }
+        }
+    }
+}
+
+/// A batch's transitions, set from what is four stages wide.
+struct Transitions<'a> {
+    batch: &'a mut [Stage],
+    linked: [bool; BATCH],
+    weight: &'a [f64],
+    slopes: &'a [Quad],
+    defect: &'a [Quad],
+}
+
+impl Work for Transitions<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) {
+        Stage::set_transitions(simd, self.batch, self.linked, self.weight, self.slopes, self.defect);
+    }
+}
+
+#[test]
+fn transitions_of_a_batch_are_those_of_its_stages() {
+    let mut rng = StdRng::seed_from_u64(9);
+    for (n, leading, border) in [(1, 0, 0), (3, 1, 2), (5, 4, 4), (12, 12, 24), (13, 6, 9)] {
+        for count in 1..=BATCH {
+            let shape = Shape { stages: count, stage: n, border, leading, sensed: n };
+            let slopes = random(&mut rng, n * (n + leading));
+            let defect = random(&mut rng, n);
+            let weight: Vec<f64> = (0..n).map(|_| rng.random_range(0.5..2.0)).collect();
+            let linked = std::array::from_fn(|lane| lane != 1);
+            let mut found = [vec![Stage::empty(shape); count], vec![Stage::empty(shape); count]];
+            let [best, plain] = &mut found;
+            let (weight, slopes, defect) = (&*weight, &*slopes, &*defect);
+            vectorised(Transitions { batch: best, linked, weight, slopes, defect });
+            Transitions { batch: plain, linked, weight, slopes, defect }.run(Plain);
+            for batch in &found {
+                for (lane, stage) in batch.iter().enumerate() {
+                    let mut expected = Stage::empty(shape);
+                    for i in 0..n {
+                        let mut row = expected.transition_row(i, weight[i], weight[i] * defect[i].0[lane]);
+                        let of = &slopes[i * (n + leading)..(i + 1) * (n + leading)];
+                        (0..n).for_each(|j| row.add_state(j, weight[i] * of[j].0[lane]));
+                        (0..leading).for_each(|j| row.add_shared(j, weight[i] * of[n + j].0[lane]));
+                    }
+                    if !linked[lane] {
+                        expected.unlink();
+                    }
+                    assert_eq!(
+                        stage.dense_transition(),
+                        expected.dense_transition(),
+                        "{n}, {leading}, {lane} of {count}"
+                    );
+                    let residuals = |stage: &Stage| stage.residuals().collect::<Vec<_>>();
+                    assert_eq!(residuals(stage), residuals(&expected));
                 }
             }
         }

@@ -28,22 +28,24 @@ pub fn spec() -> impl Strategy<Value = Spec> {
     let sizes = (1usize..=36, 0usize..=25, 1usize..=13, any::<u64>());
     let scales = (-2.0..3.0, prop::array::uniform3(-2.0..2.0), prop_oneof![Just(0.0), Just(6.0)]);
     let gaps = (prop::collection::vec(0usize..13, 0..4), prop::collection::vec(0usize..13, 0..3));
-    (sizes, scales, gaps).prop_map(|((n, m, stages, seed), (weight, decades, units), (breaks, quiet))| {
-        // Large blocks make short chains, so that the dense solution stays cheap.
-        let stages = stages.min(150 / n).max(1);
-        let linked = |k: usize| k + 1 < stages && !breaks.contains(&k);
-        let mut quiet: Vec<usize> =
-            quiet.into_iter().filter(|&k| k < stages && (linked(k) || k > 0 && linked(k - 1))).collect();
-        quiet.sort_unstable();
-        // Two neighbours without rows, or a run that has none, would be undetermined.
-        quiet.dedup_by(|a, b| *a - *b < 3);
-        if stages < 3 {
-            quiet.clear();
-        }
-        let all_leading = seed % 4 == 0;
-        let weight = 10f64.powf(weight);
-        Spec { seed, stages, n, m, weight, decades, units, breaks, quiet, all_leading, dependent: false }
-    })
+    let leading = 0usize..=25;
+    (sizes, scales, gaps, leading).prop_map(
+        |((n, m, stages, seed), (weight, decades, units), (breaks, quiet), leading)| {
+            // Large blocks make short chains, so that the dense solution stays cheap.
+            let stages = stages.min(150 / n).max(1);
+            let linked = |k: usize| k + 1 < stages && !breaks.contains(&k);
+            let mut quiet: Vec<usize> =
+                quiet.into_iter().filter(|&k| k < stages && (linked(k) || k > 0 && linked(k - 1))).collect();
+            quiet.sort_unstable();
+            // Two neighbours without rows, or a run that has none, would be undetermined.
+            quiet.dedup_by(|a, b| *a - *b < 3);
+            if stages < 3 {
+                quiet.clear();
+            }
+            let (weight, leading) = (10f64.powf(weight), Some(leading.min(m)));
+            Spec { seed, stages, n, m, leading, weight, decades, units, breaks, quiet, dependent: false }
+        },
+    )
 }
 
 /// The normal equations, dense.
@@ -160,6 +162,32 @@ proptest! {
     }
 
     #[test]
+    fn damped_states_are_those_of_the_damped_matrix(spec in spec(), threads in 1usize..=2) {
+        const DAMPING: f64 = 0.3;
+        let problem = Random::of(&spec);
+        let mut dense = Dense::of(&problem);
+        prop_assume!(dense.condition < WORST_CONDITION);
+        let m = spec.m;
+        for i in 0..dense.scale.len() - m {
+            dense.normal[(i, i)] *= 1.0 + DAMPING;
+        }
+        let mut factor = Factor::new(&problem).unwrap();
+        factor.factorise(&problem, &zero(&problem), DAMPING, threads).unwrap();
+        let (information, gradient) = factor.schur();
+        let expected = dense.schur(m);
+        let shared = dense.scale.rows(dense.scale.len() - m, m);
+        for i in 0..m {
+            for j in 0..m {
+                let off = (information[i * m + j] - expected[(i, j)]) / (shared[i] * shared[j]);
+                prop_assert!(off.abs() <= ROUNDING * dense.condition, "S[{i},{j}]: off by {off:e} of its diagonal");
+            }
+        }
+        let (beta, _) = Border::new(&information, &gradient, &[]).step(0.0).unwrap();
+        let (left, size) = dense.left_over(&stepped(&factor, &beta, threads));
+        prop_assert!(left <= ROUNDING * size, "H δ + g = {left:e} of {size:e}");
+    }
+
+    #[test]
     fn an_old_factor_takes_in_the_residuals_of_another_point(spec in spec(), threads in 1usize..=2) {
         let problem = Random::of(&spec);
         let mut dense = Dense::of(&problem);
@@ -191,7 +219,8 @@ proptest! {
     #[test]
     fn a_direction_that_no_row_sees_is_held_and_the_rest_is_solved(spec in spec(), threads in 1usize..=2) {
         prop_assume!(spec.m >= 3 && spec.units == 0.0);
-        let problem = Random::of(&Spec { dependent: true, ..spec.clone() });
+        let leading = spec.leading.map(|leading| leading.max(1));
+        let problem = Random::of(&Spec { dependent: true, leading, ..spec.clone() });
         let m = spec.m;
         let dense = Dense::of(&problem);
         // Whether everything else is determined.

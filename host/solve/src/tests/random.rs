@@ -30,8 +30,8 @@ pub struct Spec {
     pub quiet: Vec<usize>,
     /// Makes all slopes by the last shared unknown twice those by the first.
     pub dependent: bool,
-    /// Transitions touch all of the shared unknowns, sensor rows none.
-    pub all_leading: bool,
+    /// How many of the shared unknowns, the first ones, transitions touch: two thirds of them where nothing is said. Sensor rows touch the others.
+    pub leading: Option<usize>,
 }
 
 /// Random linear rows and transitions, some links broken.
@@ -56,7 +56,7 @@ impl Random {
         let mut rng = StdRng::seed_from_u64(seed);
         let mut vector = |len: usize| -> Vec<f64> { (0..len).map(|_| rng.random_range(-1.0..1.0)).collect() };
         // Transitions leave some of the shared unknowns out, sensor rows the others and some states, unit rows all but one.
-        let (leading, sensed) = (if spec.all_leading { m } else { m - m / 3 }, n - n / 2);
+        let (leading, sensed) = (spec.leading.unwrap_or(m - m / 3), n - n / 2);
         let row = |i: usize, mut row: RandomRow| {
             let reach = reach(i, n);
             match reach {
