@@ -3,8 +3,8 @@
 //!
 //! Matrices are built of one loop, the `tile`: four rows times two groups of `C ± Σ_k a[k]ᵀ b[k]`, whose eight sums stay in
 //! registers while k runs. Eight are what two multiply-add units with a latency of four cycles need; twelve would leave the compiler
-//! no register of sixteen to spare, and a sum that is spilled doubles the time. The loops run at nine tenths of what the units can do.
-//! Registers of eight numbers (AVX-512) were tried: twice as fast alone, no faster in a sweep, where the machine slows down for them.
+//! no register of sixteen to spare, and a sum that is spilled doubles the time. In a sweep the loops run at some nine tenths of what the units can
+//! do. Registers of eight numbers (AVX-512) were tried: faster alone, no faster in a sweep, where all code around them got slower.
 //! Only the groups on and above the diagonal of symmetric matrices are computed. The factorisation is `D = Uᵀ U`, so that the matrices
 //! of all loops lie alike.
 
