@@ -90,6 +90,14 @@ impl Border {
         Some(DMatrix::from_fn(m, m, |i, j| inverse[(i, j)] * self.scale[i] * self.scale[j]))
     }
 
+    /// A basis of the directions that are free, in the unknowns' own units: columns of about unit information each, m × f.
+    pub fn free_directions(&self) -> DMatrix<f64> {
+        let m = self.scale.len();
+        let eigen = (&self.held * self.held.transpose()).symmetric_eigen();
+        let free: Vec<usize> = (0..m).filter(|&i| eigen.eigenvalues[i] < 0.5).collect();
+        DMatrix::from_fn(m, free.len(), |i, j| self.scale[i] * eigen.eigenvectors[(i, free[j])])
+    }
+
     /// log det of S, on the directions that are free in units of the conditional standard deviations where some are held. `None` when S is singular there.
     pub fn log_determinant(&self) -> Option<f64> {
         let scaled = self.scaled().cholesky()?;

@@ -13,14 +13,23 @@ use super::factor::{Factor, StageFactor};
 
 /// log det of the states' part of H: with log det of the Schur complement, that of the whole matrix.
 pub fn log_determinant_of_states(factor: &Factor) -> f64 {
+    log_determinants_of_states(factor, &[0]).into_iter().sum()
+}
+
+/// The same of the blocks of stages that begin with these, ascending from 0, where the chain breaks.
+pub fn log_determinants_of_states(factor: &Factor, starts: &[usize]) -> Vec<f64> {
     let n = factor.columns().shape.stage;
     let mut stage = StageFactor::default();
-    let mut sum = 0.0;
-    for k in 0..factor.columns().shape.stages {
-        factor.stage(k, &mut stage);
-        sum += (0..n).map(|i| stage.u[i * n + i].ln()).sum::<f64>();
-    }
-    2.0 * sum
+    let ends = starts.iter().skip(1).copied().chain([factor.columns().shape.stages]);
+    let mut of_block = |stages: std::ops::Range<usize>| {
+        let mut sum = 0.0;
+        for k in stages {
+            factor.stage(k, &mut stage);
+            sum += (0..n).map(|i| stage.u[i * n + i].ln()).sum::<f64>();
+        }
+        2.0 * sum
+    };
+    starts.iter().zip(ends).map(|(start, end)| of_block(*start..end)).collect()
 }
 
 /// The blocks of the inverse that belong to one stage.

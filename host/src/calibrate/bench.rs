@@ -51,9 +51,12 @@ impl Effort {
 }
 
 /// The samples, the noise and what the motion does not determine: all that trials of models have in common.
+#[derive(Clone)]
 pub struct Bench<'a> {
     pub(super) robot: &'a Robot,
     pub(super) series: Series,
+    /// The first stage of every block of time.
+    pub(super) block_starts: Vec<usize>,
     pub(super) noise: Noise,
     /// The noise that the base model takes its errors for.
     pub(super) easy: Noise,
@@ -66,13 +69,14 @@ pub struct Bench<'a> {
 }
 
 impl<'a> Bench<'a> {
-    /// A bench for models of `robot` on `series` under `noise` (of the base model), and the base model on it, searched from `fit`.
+    /// A bench for models of `robot` on `series`, whose blocks start with these stages, under `noise` (of the base model), and the base model on it,
+    /// searched from `fit`.
     ///
     /// # Errors
     /// As a calibration's.
     pub fn new(
         robot: &'a Robot,
-        series: Series,
+        (series, block_starts): (Series, Vec<usize>),
         fit: &Fit,
         noise: Noise,
         settings: Settings,
@@ -82,6 +86,7 @@ impl<'a> Bench<'a> {
         let mut bench = Bench {
             robot,
             series,
+            block_starts,
             noise,
             easy: fit.noise.clone(),
             layout: model.layout().clone(),

@@ -6,6 +6,7 @@
 //! ```
 
 mod bench;
+mod blocks;
 mod chained;
 mod channels;
 mod equilibrium;
@@ -48,6 +49,7 @@ mod windows;
 mod worst;
 
 pub use bench::Bench;
+pub use blocks::{BlockFit, BlockScores, LawBlock, Quadratic};
 pub use fit::{Fit, calibrate, extend, extend_as, fit};
 pub use noise::Noise;
 pub use observability::{Unobservable, comparable_truth};
@@ -57,7 +59,6 @@ pub use problem::Problem;
 pub use result::{
     Calibration, ChannelFit, ChannelNoise, Correlation, Covariance, ParameterEstimate, RecordingUsed, Seconds, Status,
 };
-pub use scores::Scores;
 pub use series::Series;
 pub use trial::{JointState, Trial, TrialValue};
 pub use trimmed::Trimmed;

@@ -18,6 +18,7 @@ impl Bench<'_> {
     pub fn of_others(&self, series: Series) -> Self {
         Bench {
             robot: self.robot,
+            block_starts: vec![0],
             series,
             noise: self.noise.clone(),
             easy: self.easy.clone(),

@@ -101,8 +101,13 @@ impl<'m> Problem<'m> {
 
     /// Number of residual rows, for degrees of freedom.
     pub fn row_count(&self, point: &Point<'m>) -> usize {
+        self.rows_of(point, 0..self.series.stages())
+    }
+
+    /// Number of residual rows of these stages.
+    pub(super) fn rows_of(&self, point: &Point<'m>, stages: Range<usize>) -> usize {
         let mut count = 0;
-        for k in 0..self.series.stages() {
+        for k in stages {
             let measured = self.series.measured(k);
             let finite = |gyro: &GyroRow| (0..3).filter(|axis| measured[gyro.channel + axis].is_finite()).count();
             count += self.rows.scalars.iter().filter(|row| self.reading(k, row).is_finite()).count();

@@ -11,88 +11,38 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use nalgebra::{DMatrix, DVector};
-
 use super::bench::Bench;
 use super::point::Point;
 use super::problem::{Problem, Scratch};
 use super::start::Lagging;
 use super::trial::Trial;
-use super::{CalibrateError, extension, start};
+use super::{extension, start};
 use crate::model::law::Law;
 use crate::model::{Layout, LinksAt, Model};
 use crate::robot::Side;
-use solve::border::Border;
-use solve::columns::{Entries, ExtraColumns, eliminate};
-use solve::factor::Factor;
+use solve::columns::{Entries, ExtraColumns};
 use solve::threads::both;
 use solve::{LeastSquares, RowAt, Stage};
 
 /// By how much a coordinate is moved: torques and angles differ by far more than their rounding, and no law bends within it.
 const MOVED_BY: f64 = 1e-5;
 
-/// Information and gradient of all columns, with all states and shared unknowns eliminated.
-#[derive(Debug, Clone)]
-pub struct Scores {
-    /// q × q.
-    pub information: DMatrix<f64>,
-    /// q: half the slope of Σ r² along the columns.
-    pub gradient: DVector<f64>,
-    /// q: the information of each column if the shared unknowns were known.
-    pub alone: DVector<f64>,
-    /// The columns of each law; none of one that cannot be asked on top of the trial.
-    pub columns: Vec<Option<Range<usize>>>,
-}
-
 impl Bench<'_> {
-    /// The scores of `laws`, each on its own on top of `trial`.
-    ///
-    /// # Errors
-    /// A trial that cannot be factorised, or whose shared unknowns are not determined.
-    pub fn scores(&self, trial: &Trial, laws: &[Arc<dyn Law>]) -> Result<Scores, CalibrateError> {
-        let model = Model::extended(self.robot, trial.laws.clone())?;
-        let (problem, point, held) = self.at(&model, &trial.known());
-        let mut factor = Factor::new(&problem)?;
-        factor.factorise_somehow(&problem, &point, self.settings.threads).map_err(solve::error::SolveError::from)?;
-        let (information, gradient) = factor.schur();
-        let mut border = Border::new(&information, &gradient, &held);
-        // A law of the trial may say in part what the base model does, as a gyro's scale and its rotation.
-        border.hold_undetermined();
-
-        let models: Vec<Option<Model>> = laws
-            .iter()
-            .map(|law| {
-                let together = trial.laws.iter().chain([law]).cloned().collect();
-                let extended = Model::extended(self.robot, together).ok()?;
-                let passive = |model: &Model| model.layout().passive().count();
-                // Which of the passive joints are whose would have to be told.
-                (passive(&model) == 0 || passive(&extended) == passive(&model)).then_some(extended)
-            })
-            .collect();
-        let (left, right) = models.split_at(models.len() / 2);
-        let ask = |models| Asked::of_all(self, (&model, &point), models, trial);
-        let (left, right) = both(self.settings.threads, || ask(left), || ask(right));
-        let mut asked = Vec::new();
-        let mut columns = Vec::new();
-        let mut count = 0;
-        for one in left.into_iter().chain(right) {
-            let first = count;
-            count += one.as_ref().map_or(0, Asked::count);
-            columns.push(one.as_ref().map(|_| first..count));
-            asked.extend(one.map(|one| (first, one)));
-        }
-        let layout = model.layout();
-        let (all, speed_of) = ((0..layout.size()).collect(), layout.speed_of());
-        let all = AllColumns { base: &problem, all, speed_of, asked, count };
-        let reduced = eliminate(&problem, &point, &factor, &all, self.settings.threads);
-        let score = reduced.score(&border, &gradient).ok_or(CalibrateError::Undetermined)?;
-        let alone = reduced.information.diagonal();
-        Ok(Scores { information: score.information, gradient: score.gradient, alone, columns })
+    /// The model with each of these laws on top; none where it cannot be asked.
+    pub(super) fn with_each(&self, model: &Model, trial: &Trial, laws: &[Arc<dyn Law>]) -> Vec<Option<Model>> {
+        let extended = |law: &Arc<dyn Law>| {
+            let together = trial.laws.iter().chain([law]).cloned().collect();
+            let extended = Model::extended(self.robot, together).ok()?;
+            let passive = |model: &Model| model.layout().passive().count();
+            // Which of the passive joints are whose would have to be told.
+            (passive(model) == 0 || passive(&extended) == passive(model)).then_some(extended)
+        };
+        laws.iter().map(extended).collect()
     }
 }
 
 /// One law on top of the trial, at its start and with each of its coordinates moved.
-struct Asked<'m> {
+pub(super) struct Asked<'m> {
     problem: Problem<'m>,
     at_start: Point<'m>,
     moved: Vec<Point<'m>>,
@@ -109,6 +59,30 @@ struct Asked<'m> {
 }
 
 impl<'m> Asked<'m> {
+    /// The columns of all of these models, and which are whose; none where there is no model.
+    pub(super) fn columns<'b>(
+        bench: &'m Bench<'_>,
+        (problem, model, point): (&'b Problem<'b>, &Model, &Point<'_>),
+        models: &'m [Option<Model>],
+        trial: &Trial,
+    ) -> (AllColumns<'m, 'b>, Vec<Option<Range<usize>>>) {
+        let (left, right) = models.split_at(models.len() / 2);
+        let ask = |models| Asked::of_all(bench, (model, point), models, trial);
+        let (left, right) = both(bench.settings.threads, || ask(left), || ask(right));
+        let mut asked = Vec::new();
+        let mut columns = Vec::new();
+        let mut count = 0;
+        for one in left.into_iter().chain(right) {
+            let first = count;
+            count += one.as_ref().map_or(0, Asked::count);
+            columns.push(one.as_ref().map(|_| first..count));
+            asked.extend(one.map(|one| (first, one)));
+        }
+        let layout = model.layout();
+        let (all, speed_of) = ((0..layout.size()).collect(), layout.speed_of());
+        (AllColumns { base: problem, all, speed_of, asked, count }, columns)
+    }
+
     /// Of each of these models; none where there is none.
     fn of_all(
         bench: &'m Bench<'_>,
@@ -213,8 +187,8 @@ fn carry(problem: &Problem<'_>, (trial, places, added): (&Point<'_>, &[usize], &
 }
 
 /// The columns of all laws.
-struct AllColumns<'a, 'm> {
-    base: &'a Problem<'m>,
+pub(super) struct AllColumns<'a, 'm> {
+    base: &'m Problem<'m>,
     /// Every component of the trial's state, and that which is its derivative.
     all: Vec<usize>,
     speed_of: Vec<Option<usize>>,
@@ -224,7 +198,7 @@ struct AllColumns<'a, 'm> {
 }
 
 /// Room of one thread.
-struct Room {
+pub(super) struct Room {
     base: Scratch,
     of_each: Vec<Scratch>,
     /// The trial's rows by channel.

@@ -173,6 +173,41 @@ impl Series {
         }
     }
 
+    /// These windows, in order and apart, as a series of their own, each a block: the series, the first stage of every block, and which stage of this
+    /// series each of its stages is. The chain breaks before each block. Runs that are too short are left out.
+    pub fn select(&self, windows: &[Range<usize>]) -> (Series, Vec<usize>, Vec<usize>) {
+        let mut part = Series {
+            measured: Vec::new(),
+            input: Vec::new(),
+            duration_s: Vec::new(),
+            time_s: Vec::new(),
+            recordings: Vec::new(),
+            segments: Vec::new(),
+            rest: Vec::new(),
+            channels: self.channels.clone(),
+            ..*self
+        };
+        let (mut starts, mut places) = (Vec::new(), Vec::new());
+        for (recording, rest) in self.recordings.iter().zip(&self.rest) {
+            let first = part.stages();
+            for window in windows.iter().filter(|window| recording.contains(&window.start)) {
+                let start = part.stages();
+                let runs = self.segments.iter().map(|run| run.start.max(window.start)..run.end.min(window.end));
+                for run in runs.filter(|run| run.len() >= SHORTEST_RUN) {
+                    part.take(self, run.clone());
+                    places.extend(run);
+                }
+                if part.stages() > start {
+                    starts.push(start);
+                }
+            }
+            let at_rest = places[first..].iter().filter(|k| rest.contains(k)).count();
+            part.recordings.push(first..part.stages());
+            part.rest.push(first..first + at_rest);
+        }
+        (part, starts, places)
+    }
+
     /// The same stages with a break behind every so many.
     pub(super) fn in_pieces(&self, stages: usize) -> Series {
         let mut pieces = self.clone();

@@ -7,13 +7,16 @@
 //!   G_k = J_xᵀ C of stage k − Yᵀ V of the stages eliminated into it       V_k = U⁻ᵀ G_k
 //!   S_βγ = J_βᵀ C − Σ Zᵀ V          S_γγ = Cᵀ C − Σ Vᵀ V          s_γ = Cᵀ r − Σ Vᵀ y
 //! ```
-//! What is left is the information of the columns with all states eliminated: [`Reduced`]. The problem is linearised once more, so that the
+//! What is left is the information of the columns with all states eliminated: [`Reduced`]. Where the chain breaks between blocks of stages the sums
+//! of each block stand on their own: [`block_sums`]. The problem is linearised once more, so that the
 //! columns can be given by rows; a column may touch a stage's unknowns directly as well (`H⁻¹ v`). Both ends inwards on two threads,
 //! in the order of the factorisation: results do not depend on the number of threads.
 
+mod blocks;
 mod solution;
 mod sweep;
 
+pub use blocks::{BlockSums, block_sums};
 pub use solution::{Solutions, solve};
 
 use nalgebra::{DMatrix, DVector};
@@ -179,5 +182,6 @@ pub fn eliminate<P: LeastSquares>(
     extra: &impl ExtraColumns<P>,
     threads: usize,
 ) -> Reduced {
-    sweep::sweep((problem, point, extra), factor, threads, false).1.reduced(extra.count())
+    let whole = [&mut sweep::Whole, &mut sweep::Whole];
+    sweep::sweep((problem, point, extra), factor, threads, false, whole).1.reduced(extra.count())
 }

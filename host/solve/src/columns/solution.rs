@@ -7,7 +7,7 @@ use super::super::border::Border;
 use super::super::factor::{Factor, StageFactor};
 use super::super::kernel::groups;
 use super::ExtraColumns;
-use super::sweep::sweep;
+use super::sweep::{Whole, sweep};
 use crate::simd::LANES;
 
 /// Solutions of `H x = v` for the columns' gradients v = Jᵀ C (and what was added to them directly; the border's part is that of the
@@ -29,7 +29,7 @@ pub fn solve<P: LeastSquares>(
     border: &Border,
     threads: usize,
 ) -> Option<Solutions> {
-    let (left, right) = sweep((problem, point, extra), factor, threads, true);
+    let (left, right) = sweep((problem, point, extra), factor, threads, true, [&mut Whole, &mut Whole]);
     let (columns, middle, count) = (factor.columns(), factor.middle(), extra.count());
     let (n, padded, stages) = (columns.shape.stage, columns.padded_stage, columns.shape.stages);
     let shared = border.covariance()? * right.reduced(count).coupling;

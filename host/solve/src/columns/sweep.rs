@@ -1,13 +1,12 @@
 //! The elimination of a factorised chain once more, over the extra columns alone.
 
-use nalgebra::{DMatrix, DVector};
-
 use super::super::LeastSquares;
 use super::super::factor::{Factor, StageFactor};
 use super::super::kernel::{self, Add, Change, Rows, Subtract, Sums, groups};
 use super::super::shape::{BATCH, Columns};
 use super::super::stage::Stage;
 use super::super::threads::both;
+use super::blocks::BlockSums;
 use super::{Entries, ExtraColumns, Reduced};
 use crate::simd::{LANES, Quad, Simd, Work, vectorised};
 
@@ -22,7 +21,7 @@ pub(super) struct Sweep {
     work: Vec<Quad>,
     factor: StageFactor,
     lower: Vec<f64>,
-    /// `[J_β r C]ᵀ C − [Z y V]ᵀ V`, rows of the border's groups and then of the columns'.
+    /// `[J_β r C]ᵀ [J_β r C] − [Z y V]ᵀ [Z y V]` of the block that the sweep is in, the upper groups: those of the border, then the columns'.
     sums: Vec<Quad>,
     /// V of every stage, if it is kept: `[stage][padded n][4 · extra]`, first stage first.
     pub(super) kept: Option<Vec<Quad>>,
@@ -41,7 +40,7 @@ impl Sweep {
             work: vec![Quad::default(); n * (columns.stage_groups + columns.groups_with_right() + extra)],
             factor: StageFactor::default(),
             lower: Vec::new(),
-            sums: vec![Quad::default(); (columns.groups_with_right() + extra) * LANES * extra],
+            sums: vec![Quad::default(); (columns.groups_with_right() + extra).pow(2) * LANES],
             kept: kept.then(Vec::new),
             batch: vec![Stage::new(columns); BATCH],
             entries: vec![Entries::new(columns, count); BATCH],
@@ -82,15 +81,12 @@ impl Sweep {
         Self::add_sums::<S, Add>(columns, simd, rows, sums, *extra);
     }
 
-    /// Sums ± `[border C]ᵀ C` of rows `[stage | border | C]`; of `Cᵀ C` the upper groups.
+    /// Sums ± `[border C]ᵀ [border C]` of rows `[stage | border | C]`, the upper groups.
     #[inline(always)]
     fn add_sums<S: Simd, C: Change>(columns: &Columns, simd: S, rows: Rows<'_>, sums: &mut [Quad], extra: usize) {
-        let (own, behind) = (columns.stage_groups, columns.stage_groups + columns.groups_with_right());
-        let (all, height) = (behind + extra, (columns.groups_with_right() + extra) * LANES);
-        kernel::product::<S, C>(simd, rows, own..behind, behind..all, &mut Sums::of(sums, height));
-        // Without columns there are no sums either.
-        let own_sums = (columns.groups_with_right() * LANES).min(sums.len());
-        kernel::upper::<S, C>(simd, rows, behind..all, all, &mut Sums::of(&mut sums[own_sums..], height));
+        let own = columns.stage_groups;
+        let width = columns.groups_with_right() + extra;
+        kernel::upper::<S, C>(simd, rows, own..own + width, own + width, &mut Sums::of(sums, width * LANES));
     }
 
     /// Adds what the transition of `slot` says of its successor, −w times its entries.
@@ -161,18 +157,13 @@ impl Sweep {
         }
     }
 
-    fn sum(&self, row: usize, column: usize) -> f64 {
-        let rows = (self.columns.groups_with_right() + self.extra) * LANES;
-        self.sums[column / LANES * rows + row].0[column % LANES]
+    /// The sums of the block that the sweep is in, of so many extra columns.
+    pub(super) fn block(&self, count: usize) -> BlockSums<'_> {
+        BlockSums::new(&self.sums, self.columns, self.extra, count)
     }
 
     pub(super) fn reduced(&self, count: usize) -> Reduced {
-        let (columns, behind) = (&self.columns, self.columns.groups_with_right() * LANES);
-        Reduced {
-            coupling: DMatrix::from_fn(columns.shape.border, count, |i, j| self.sum(i, j)),
-            information: DMatrix::from_fn(count, count, |i, j| self.sum(behind + i.min(j), i.max(j))),
-            gradient: DVector::from_fn(count, |j, _| self.sum(columns.shape.border, j)),
-        }
+        self.block(count).reduced()
     }
 }
 
@@ -210,26 +201,61 @@ fn forward<S: Simd>(simd: S, lower: &[f64], n: usize, padded: usize, v: &mut [Qu
     }
 }
 
+/// What happens to the sums of a block when the sweep leaves it.
+pub(super) trait Leave {
+    /// The sweep leaves the block of this stage behind.
+    fn leave(&mut self, stage: usize, sums: &BlockSums<'_>);
+
+    /// Whether a block begins with this stage. It lies behind a break of the chain.
+    fn begins(&self, stage: usize) -> bool;
+}
+
+/// One block that holds the whole chain.
+pub(super) struct Whole;
+
+impl Leave for Whole {
+    fn leave(&mut self, _: usize, _: &BlockSums<'_>) {}
+
+    fn begins(&self, _: usize) -> bool {
+        false
+    }
+}
+
 /// The stages of a batch, away from the end where the sweep began.
-struct Batch<'a> {
+struct Batch<'a, L> {
     sweep: &'a mut Sweep,
     factor: &'a Factor,
+    leave: &'a mut L,
     first: usize,
     count: usize,
+    /// Extra columns.
+    extra: usize,
     rightwards: bool,
 }
 
-impl Work for Batch<'_> {
+impl<L: Leave> Batch<'_, L> {
+    /// Hands out the sums of the block that holds `stage`, and begins another one.
+    fn leave(&mut self, stage: usize) {
+        self.leave.leave(stage, &self.sweep.block(self.extra));
+        self.sweep.sums.fill(Quad::default());
+    }
+}
+
+impl<L: Leave> Work for Batch<'_, L> {
     type Output = ();
 
     #[inline(always)]
-    fn run<S: Simd>(self, simd: S) {
+    fn run<S: Simd>(mut self, simd: S) {
         if self.rightwards {
             // In order, each into its successor.
             for slot in 0..self.count {
+                let stage = self.first + slot;
                 self.sweep.add_rows(simd, slot);
                 self.sweep.add_successor(simd, slot, false);
-                self.sweep.eliminate(simd, self.factor, self.first + slot);
+                self.sweep.eliminate(simd, self.factor, stage);
+                if self.leave.begins(stage + 1) {
+                    self.leave(stage);
+                }
             }
             return;
         }
@@ -239,6 +265,9 @@ impl Work for Batch<'_> {
             if successor < self.sweep.columns.shape.stages {
                 self.sweep.add_successor(simd, slot, true);
                 self.sweep.eliminate(simd, self.factor, successor);
+                if self.leave.begins(successor) {
+                    self.leave(successor);
+                }
             }
             self.sweep.add_rows(simd, slot);
         }
@@ -260,29 +289,34 @@ impl Work for Finish<'_> {
     }
 }
 
-/// Both sweeps and the stage in the middle; the left sweep is kept for its V.
-pub(super) fn sweep<P: LeastSquares, E: ExtraColumns<P>>(
+/// Both sweeps and the stage in the middle; the left sweep is kept for its V. Each sweep has its own `leaves`; the sums of the block in the middle
+/// are those of the right sweep in the end.
+pub(super) fn sweep<P: LeastSquares, E: ExtraColumns<P>, L: Leave + Send>(
     given: (&P, &P::Point, &E),
     factor: &Factor,
     threads: usize,
     kept: bool,
+    leaves: [&mut L; 2],
 ) -> (Sweep, Sweep) {
     let (problem, _, extra) = given;
-    let (columns, middle) = (factor.columns(), factor.middle());
-    let new = || (Sweep::new(columns, extra.count(), kept), (problem.scratch(), extra.scratch()));
+    let (columns, middle, count) = (factor.columns(), factor.middle(), extra.count());
+    let new = || (Sweep::new(columns, count, kept), (problem.scratch(), extra.scratch()));
+    let [leave_left, leave_right] = leaves;
     let left = || {
         let (mut sweep, mut scratch) = new();
         for first in (0..middle).step_by(BATCH) {
-            let count = sweep.fill(given, first, &mut scratch);
-            vectorised(Batch { sweep: &mut sweep, factor, first, count, rightwards: true });
+            let stages = sweep.fill(given, first, &mut scratch);
+            let (sweep, leave) = (&mut sweep, &mut *leave_left);
+            vectorised(Batch { sweep, factor, leave, first, count: stages, extra: count, rightwards: true });
         }
         sweep
     };
     let right = || {
         let (mut sweep, mut scratch) = new();
         for first in (middle..columns.shape.stages).step_by(BATCH).rev() {
-            let count = sweep.fill(given, first, &mut scratch);
-            vectorised(Batch { sweep: &mut sweep, factor, first, count, rightwards: false });
+            let stages = sweep.fill(given, first, &mut scratch);
+            let (sweep, leave) = (&mut sweep, &mut *leave_right);
+            vectorised(Batch { sweep, factor, leave, first, count: stages, extra: count, rightwards: false });
         }
         sweep
     };

@@ -4,10 +4,10 @@ use nalgebra::{DMatrix, DVector};
 use proptest::prelude::*;
 use rand::{RngExt, SeedableRng, rngs::StdRng};
 
-use super::properties::{Dense, ROUNDING, WORST_CONDITION, config, factorised, spec};
+use super::properties::{self, Dense, ROUNDING, WORST_CONDITION, config, factorised, spec};
 use super::random::{Random, Reach, zero};
 use crate::border::Border;
-use crate::columns::{Entries, ExtraColumns, eliminate, solve};
+use crate::columns::{Entries, ExtraColumns, block_sums, eliminate, solve};
 use crate::inverse::{log_determinant_of_states, selected_inverse};
 use crate::{RowAt, Stage, Step};
 
@@ -162,7 +162,7 @@ proptest! {
         let deviation = inverse.diagonal().map(f64::sqrt);
 
         let log_determinant = log_determinant_of_states(&factor) + border.log_determinant().unwrap();
-        let eigenvalues = super::properties::scaled(&dense.normal, &dense.scale).symmetric_eigenvalues();
+        let eigenvalues = properties::scaled(&dense.normal, &dense.scale).symmetric_eigenvalues();
         let expected = eigenvalues.map(f64::ln).sum() + 2.0 * dense.scale.map(f64::ln).sum();
         let off = log_determinant - expected;
         prop_assert!(off.abs() <= ROUNDING * dense.condition + 1e-11, "log det {log_determinant} off by {off:e}");
@@ -192,5 +192,73 @@ proptest! {
         });
         prop_assert!(visited.iter().all(|visited| *visited));
         prop_assert!(worst.0 <= ROUNDING * dense.condition, "{} off by {:e}", worst.1, worst.0);
+    }
+
+    #[test]
+    fn sums_of_blocks_are_those_of_the_dense_matrix(
+        spec in spec(), count in 0usize..=9, threads in 1usize..=2, undefined in prop::option::of(0usize..9), all in any::<bool>(),
+    ) {
+        let problem = Random::of(&spec);
+        let dense = Dense::of(&problem);
+        prop_assume!(dense.condition < WORST_CONDITION);
+        let factor = factorised(&problem, threads);
+        let mut extra = RandomColumns::of(&problem, &dense, count, spec.seed);
+        // A block may hold a break, and a stage may be a block.
+        let breaks = (1..spec.stages).filter(|k| problem.transitions[k - 1].is_none());
+        let starts: Vec<usize> = std::iter::once(0).chain(breaks.filter(|k| all || k % 2 == 0)).collect();
+        let undefined = undefined.filter(|j| *j < count);
+        if let Some(j) = undefined {
+            extra.by_row.column_mut(j).iter_mut().filter(|value| **value != 0.0).for_each(|value| *value = f64::NAN);
+        }
+        let (m, states, n) = (spec.m, dense.scale.len() - spec.m, spec.n);
+        let size = m + 1 + count;
+        let full = |sums: &crate::columns::BlockSums<'_>| {
+            let at = |i: usize, j: usize| match (i.min(j), i.max(j)) {
+                (i, j) if j < m => sums.shared_information(i, j),
+                (i, j) if j == m && i < m => sums.shared_gradient(i),
+                (_, j) if j == m => sums.squares(),
+                (i, j) if i < m => sums.coupling(i, j - m - 1),
+                (i, j) if i == m => sums.gradient(j - m - 1),
+                (i, j) => sums.information(i - m - 1, j - m - 1),
+            };
+            DMatrix::from_fn(size, size, at)
+        };
+        let blocks = block_sums((&problem, &zero(&problem)), &factor, &extra, &starts, threads, full);
+        prop_assert_eq!(blocks.len(), starts.len());
+
+        let tolerance = ROUNDING * dense.condition;
+        for (b, found) in blocks.iter().enumerate() {
+            let stages = starts[b]..starts.get(b + 1).copied().unwrap_or(spec.stages);
+            let rows: Vec<usize> = extra.rows[stages.clone()].iter().flatten().map(|(_, row)| *row).collect();
+            let own = dense.jacobian.columns(0, states).select_rows(&rows);
+            let own = own.columns(stages.start * n, stages.len() * n).into_owned();
+            // [J_β r C] of the block's rows.
+            let mut wide = DMatrix::zeros(rows.len(), size);
+            wide.view_mut((0, 0), (rows.len(), m)).copy_from(&dense.jacobian.columns(states, m).select_rows(&rows));
+            wide.set_column(m, &dense.residual.select_rows(&rows));
+            wide.view_mut((0, m + 1), (rows.len(), count)).copy_from(&extra.by_row.select_rows(&rows));
+            let mut slopes = own.transpose() * &wide;
+            let direct = extra.direct.rows(stages.start * n, stages.len() * n);
+            let mut behind = slopes.columns_mut(m + 1, count);
+            behind += &direct;
+            let scale = dense.scale.rows(stages.start * n, stages.len() * n).into_owned();
+            let by_states = properties::solve(&(own.transpose() * &own), &scale, &slopes);
+            let gram = wide.transpose() * &wide;
+            let expected = &gram - slopes.transpose() * &by_states;
+            let length = |j: usize| (gram[(j, j)] + slopes.column(j).dot(&by_states.column(j))).sqrt();
+            for i in 0..size {
+                for j in 0..size {
+                    let is_undefined = undefined.is_some_and(|u| i == m + 1 + u || j == m + 1 + u);
+                    let off = found[(i, j)] - expected[(i, j)];
+                    if is_undefined {
+                        // A column that is not defined spoils its own sums only.
+                        prop_assert!(off.is_nan() || off.abs() <= tolerance * (1.0 + length(i) * length(j)));
+                    } else {
+                        let size = length(i) * length(j);
+                        prop_assert!(off.abs() <= tolerance * size, "block {b} [{i},{j}] off by {off:e} of {size:e}");
+                    }
+                }
+            }
+        }
     }
 }

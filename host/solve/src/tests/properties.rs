@@ -121,7 +121,7 @@ pub fn scaled(a: &DMatrix<f64>, d: &DVector<f64>) -> DMatrix<f64> {
 }
 
 /// A⁻¹ v, solved in units of d.
-fn solve(a: &DMatrix<f64>, d: &DVector<f64>, v: &DMatrix<f64>) -> DMatrix<f64> {
+pub fn solve(a: &DMatrix<f64>, d: &DVector<f64>, v: &DMatrix<f64>) -> DMatrix<f64> {
     let by_rows = |v: &DMatrix<f64>| DMatrix::from_fn(v.nrows(), v.ncols(), |i, j| v[(i, j)] / d[i]);
     by_rows(&scaled(a, d).cholesky().expect("checked by its condition").solve(&by_rows(v)))
 }

@@ -1,10 +1,19 @@
-//! What is tried in the place of what is missing: the laws of the catalogue that suit a robot.
+//! What is tried: the laws of the catalogue that suit a robot, each from several starts or in several shapes.
 
 use std::sync::Arc;
 
 use crate::effect::{CATALOGUE, Effect};
-use crate::model::law::{Clues, Law};
+use crate::model::law::Law;
 use crate::robot::Robot;
+
+/// An effect with one of its laws.
+#[derive(Debug, Clone)]
+pub struct Named {
+    /// Which.
+    pub effect: &'static Effect,
+    /// Its law.
+    pub law: Arc<dyn Law>,
+}
 
 /// An effect of the catalogue that this robot could have.
 #[derive(Debug, Clone)]
@@ -13,19 +22,6 @@ pub struct Candidate {
     pub effect: &'static Effect,
     /// Its law from several starts or in several shapes.
     pub alternatives: Vec<Arc<dyn Law>>,
-}
-
-impl Candidate {
-    /// With the first of its alternatives only.
-    pub fn first(&self, alternatives: usize) -> Self {
-        let alternatives = self.alternatives.iter().take(alternatives).cloned().collect();
-        Candidate { effect: self.effect, alternatives }
-    }
-
-    /// Its law from what the recording shows of events and contacts.
-    pub fn starts(&self, clues: &Clues) -> Vec<Arc<dyn Law>> {
-        self.alternatives.first().filter(|law| law.is_event()).map_or_else(Vec::new, |law| law.starts(clues))
-    }
 }
 
 /// The catalogue for `robot` but for the ids in `without`; and what cannot be tested, with the reason.
@@ -38,4 +34,12 @@ pub fn catalogue(robot: &Robot, without: &[String]) -> (Vec<Candidate>, Vec<(&'s
         }
     }
     (candidates, others)
+}
+
+/// Laws in the catalogue's order: a plant's line asks them so.
+pub fn laws<'a>(named: impl Iterator<Item = &'a Named>) -> Vec<Arc<dyn Law>> {
+    let place = |effect: &Effect| CATALOGUE.iter().position(|other| other.id == effect.id);
+    let mut sorted: Vec<&Named> = named.collect();
+    sorted.sort_by_key(|named| place(named.effect));
+    sorted.into_iter().map(|named| named.law.clone()).collect()
 }

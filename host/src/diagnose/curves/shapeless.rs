@@ -1,7 +1,4 @@
-//! Laws without a shape: any curve of one argument on one equation, smooth ([`spline`]) or rippled ([`Waves`]). What a named law must hold its
-//! own against.
-//!
-//! A curve that explains much more than any name does is a cause without a name.
+//! Laws without a shape: any curve of one argument on one torque, smooth ([`spline`]) or rippled ([`Waves`]).
 
 use super::spline::{self, Knots};
 use super::waves::Waves;
@@ -30,6 +27,8 @@ pub enum Argument {
     DrivingTorque,
     /// Time since the start.
     Time,
+    /// What a gyro's axis reads itself.
+    Rate,
 }
 
 impl Argument {
@@ -45,13 +44,14 @@ impl Argument {
             Argument::WindupRate => "windup_rate",
             Argument::DrivingTorque => "driving_torque",
             Argument::Time => "time",
+            Argument::Rate => "rate",
         }
     }
 
     /// Its unit for a revolute joint.
     pub fn unit(self) -> &'static str {
         match self {
-            Argument::MotorSpeed | Argument::LinkSpeed | Argument::WindupRate => "rad/s",
+            Argument::MotorSpeed | Argument::LinkSpeed | Argument::WindupRate | Argument::Rate => "rad/s",
             Argument::MotorAngle | Argument::MotorPhase | Argument::LinkAngle | Argument::Windup => "rad",
             Argument::DrivingTorque => "N m",
             Argument::Time => "s",
@@ -74,6 +74,8 @@ impl Argument {
             Argument::WindupRate => at.wind_rate(),
             Argument::DrivingTorque => at.driving,
             Argument::Time => T::from(at.time_s),
+            // Joints read no gyro.
+            Argument::Rate => T::from(0.0),
         }
     }
 }
@@ -124,7 +126,7 @@ impl Curve {
 
     /// The functions that its coefficients multiply, as (index, value, slope), but for those that are zero at x.
     #[inline(always)]
-    fn each(&self, x: f64, mut f: impl FnMut(usize, f64, f64)) {
+    pub(super) fn each(&self, x: f64, mut f: impl FnMut(usize, f64, f64)) {
         match &self.shape {
             Shape::Spline(knots) => {
                 for (i, value, slope) in knots.basis(x) {

@@ -1,0 +1,142 @@
+//! Sums of the columns by blocks of stages.
+//!
+//! ```text
+//!   stages   0 ─ 1 ─ 2 │ 3 ─ 4 ─ 5 │ 6 ─ 7        │: the chain breaks, a block begins
+//!   S, s        block 0  +  block 1  +  block 2  =  all stages
+//! ```
+//! No state links two blocks, so what the elimination leaves of [β, γ] is a sum over blocks: the information and the score that each block has on its
+//! own. Cross-validation over blocks and the scatter between blocks follow from these sums without another fit.
+
+use std::sync::Mutex;
+
+use nalgebra::{DMatrix, DVector};
+
+use super::sweep::{Leave, sweep};
+use super::{ExtraColumns, LeastSquares, Reduced};
+use crate::factor::Factor;
+use crate::shape::Columns;
+use crate::simd::{LANES, Quad};
+
+/// What one block says of the shared unknowns β and of the extra columns γ, with its states eliminated. Rows of the border's own, which belong to no
+/// block, are not in it.
+#[derive(Debug)]
+pub struct BlockSums<'a> {
+    sums: &'a [Quad],
+    /// Rows of a group of sums.
+    rows: usize,
+    /// Shared unknowns, m; the residual is the column behind them.
+    shared: usize,
+    /// Where the extra columns begin.
+    behind: usize,
+    /// Extra columns, q.
+    count: usize,
+}
+
+impl<'a> BlockSums<'a> {
+    pub(super) fn new(sums: &'a [Quad], columns: Columns, extra: usize, count: usize) -> Self {
+        let groups = columns.groups_with_right();
+        BlockSums { sums, rows: (groups + extra) * LANES, shared: columns.shape.border, behind: groups * LANES, count }
+    }
+
+    fn sum(&self, i: usize, j: usize) -> f64 {
+        let (i, j) = (i.min(j), i.max(j));
+        self.sums[j / LANES * self.rows + i].0[j % LANES]
+    }
+
+    /// Number of shared unknowns, m.
+    pub fn shared(&self) -> usize {
+        self.shared
+    }
+
+    /// Number of extra columns, q.
+    pub fn count(&self) -> usize {
+        self.count
+    }
+
+    /// S_ββ of shared unknowns i and j.
+    pub fn shared_information(&self, i: usize, j: usize) -> f64 {
+        self.sum(i, j)
+    }
+
+    /// s_β of shared unknown i: half the slope of Σ r² with the states at their Gauss–Newton step.
+    pub fn shared_gradient(&self, i: usize) -> f64 {
+        self.sum(i, self.shared)
+    }
+
+    /// S_βγ of shared unknown i and column j.
+    pub fn coupling(&self, i: usize, j: usize) -> f64 {
+        self.sum(i, self.behind + j)
+    }
+
+    /// S_γγ of columns i and j.
+    pub fn information(&self, i: usize, j: usize) -> f64 {
+        self.sum(self.behind + i, self.behind + j)
+    }
+
+    /// s_γ of column j.
+    pub fn gradient(&self, j: usize) -> f64 {
+        self.sum(self.shared, self.behind + j)
+    }
+
+    /// Σ r² with the states at their Gauss–Newton step.
+    pub fn squares(&self) -> f64 {
+        self.sum(self.shared, self.shared)
+    }
+
+    pub(super) fn reduced(&self) -> Reduced {
+        Reduced {
+            coupling: DMatrix::from_fn(self.shared, self.count, |i, j| self.coupling(i, j)),
+            information: DMatrix::from_fn(self.count, self.count, |i, j| self.information(i, j)),
+            gradient: DVector::from_fn(self.count, |j, _| self.gradient(j)),
+        }
+    }
+}
+
+/// Takes what it wants of the sums of each block as the sweep leaves it.
+struct Blocks<'a, T, F> {
+    /// The first stage of every block, ascending.
+    starts: &'a [usize],
+    take: &'a F,
+    taken: &'a Mutex<Vec<Option<T>>>,
+}
+
+impl<T, F: Fn(&BlockSums<'_>) -> T> Blocks<'_, T, F> {
+    fn take(&self, stage: usize, sums: &BlockSums<'_>) {
+        let block = self.starts.partition_point(|start| *start <= stage).saturating_sub(1);
+        let taken = (self.take)(sums);
+        if let Ok(mut all) = self.taken.lock() {
+            all[block] = Some(taken);
+        }
+    }
+}
+
+impl<T, F: Fn(&BlockSums<'_>) -> T> Leave for Blocks<'_, T, F> {
+    fn leave(&mut self, stage: usize, sums: &BlockSums<'_>) {
+        self.take(stage, sums);
+    }
+
+    fn begins(&self, stage: usize) -> bool {
+        self.starts.binary_search(&stage).is_ok()
+    }
+}
+
+/// [`eliminate`](super::eliminate) by blocks: what `take` makes of the sums of each block, in their order. `starts` are the first stages of all blocks,
+/// ascending from stage 0; the chain must break before each of them.
+///
+/// Memory: the sums of the block that a sweep is in, (m + q)² a thread, and what `take` keeps.
+pub fn block_sums<P: LeastSquares, T: Send>(
+    (problem, point): (&P, &P::Point),
+    factor: &Factor,
+    extra: &impl ExtraColumns<P>,
+    starts: &[usize],
+    threads: usize,
+    take: impl Fn(&BlockSums<'_>) -> T + Sync,
+) -> Vec<T> {
+    debug_assert!(starts.first() == Some(&0) && starts.is_sorted(), "blocks begin with stage 0 and ascend");
+    let taken = Mutex::new(starts.iter().map(|_| None).collect());
+    let blocks = || Blocks { starts, take: &take, taken: &taken };
+    let (mut left, mut right) = (blocks(), blocks());
+    let (_, swept) = sweep((problem, point, extra), factor, threads, false, [&mut left, &mut right]);
+    left.take(factor.middle(), &swept.block(extra.count()));
+    taken.into_inner().unwrap_or_default().into_iter().flatten().collect()
+}

@@ -1,0 +1,292 @@
+//! The scan: every law of the catalogue on top of the current model, by blocks of time, from one factorisation.
+//!
+//! ```text
+//!   (K_b, s_b) of [β, γ] ─▶ whitened: one unit of information in all ─▶ score, cross-validated gain, test by the scatter between blocks
+//! ```
+//! The score is a tangent (Rao 1948). What it promises is confirmed by refits, which start from it.
+
+use std::ops::Range;
+
+use nalgebra::{DMatrix, DVector};
+
+use super::cross_validation::left_out_steps;
+use super::significance::p_of_blocks;
+use crate::calibrate::{BlockFit, BlockScores, LawBlock, Quadratic};
+
+/// Directions of a law that keep less than this share of their information beside the shared unknowns cannot be seen.
+const LEAST_INFORMATION: f64 = 1e-6;
+/// Information of a prior that shrinks a curve, in units of what all blocks tell of each direction; the best by cross-validation is taken.
+const RIDGES: [f64; 4] = [0.0, 0.01, 0.1, 1.0];
+
+/// What the blocks say of one law.
+#[derive(Debug, Clone)]
+pub struct LawScore {
+    /// Σ r² that it would save, in all.
+    pub score: f64,
+    /// Directions that the motion shows.
+    pub freedom: usize,
+    /// Σ r² that it saves in each block by what the others say of it.
+    pub gains: Vec<f64>,
+    /// See [`p_of_blocks`].
+    pub p: f64,
+    /// The largest variance inflation of its columns by the shared unknowns.
+    pub vif: f64,
+    /// Estimate over its standard error between blocks, along each column.
+    pub z: Vec<f64>,
+    /// Where the tangent leads, in its own columns.
+    pub step: DVector<f64>,
+    /// Own columns by whitened directions.
+    whitening: DMatrix<f64>,
+    columns: Range<usize>,
+}
+
+impl LawScore {
+    /// Σ r² that it saves out of sample, in all blocks.
+    pub fn gain(&self) -> f64 {
+        self.gains.iter().sum()
+    }
+}
+
+/// What the blocks say of each law: none of one that no column of the motion shows, an error of one whose columns are not finite.
+pub fn score_laws(scores: &BlockScores, contiguous: &[bool], shrunk: bool) -> Vec<Result<Option<LawScore>, NotFinite>> {
+    let laws = scores.laws.iter().zip(&scores.columns);
+    laws.map(|(blocks, columns)| match (blocks, columns) {
+        (Some(blocks), Some(columns)) => score_law(scores, (blocks, columns.clone()), contiguous, shrunk),
+        _ => Ok(None),
+    })
+    .collect()
+}
+
+/// Columns of a law that are not numbers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct NotFinite {
+    /// How many.
+    pub columns: usize,
+}
+
+fn score_law(
+    scores: &BlockScores,
+    (blocks, columns): (&[LawBlock], Range<usize>),
+    contiguous: &[bool],
+    shrunk: bool,
+) -> Result<Option<LawScore>, NotFinite> {
+    let own = columns.len();
+    let is_finite = |j: &usize| {
+        blocks.iter().all(|b| b.gradient[*j].is_finite() && b.information.column(*j).iter().all(|v| v.is_finite()))
+    };
+    let finite = (0..own).filter(is_finite).count();
+    if finite < own {
+        return Err(NotFinite { columns: own - finite });
+    }
+    let Some(whitening) = whitening(scores, columns.clone()) else { return Ok(None) };
+    let base = &scores.base;
+    let extended: Vec<Quadratic> = base.blocks.iter().zip(blocks).map(|(b, law)| extended(b, law, &whitening)).collect();
+    let (free, seen) = (base.prior.nrows(), whitening.ncols());
+    let Some(without) = left_out(base, contiguous) else { return Ok(None) };
+    let ridges = if shrunk { &RIDGES[..] } else { &RIDGES[..1] };
+    let with_ridge = |ridge: &f64| {
+        let mut prior = DMatrix::zeros(free + seen, free + seen);
+        prior.view_mut((0, 0), (free, free)).copy_from(&base.prior);
+        (free..free + seen).for_each(|i| prior[(i, i)] += ridge);
+        let steps = left_out_steps(&extended, &prior, contiguous)?;
+        let gains: Vec<f64> =
+            without.iter().zip(extended.iter().zip(&steps)).map(|(without, (block, x))| without - block.at(x)).collect();
+        Some((steps, gains))
+    };
+    let sum = |gains: &[f64]| gains.iter().sum::<f64>();
+    let best = ridges.iter().filter_map(with_ridge).max_by(|(_, a), (_, b)| sum(a).total_cmp(&sum(b)));
+    let Some((steps, gains)) = best else { return Ok(None) };
+
+    // With the shared unknowns where the law leaves them: s_η − K_ηφ K_φφ⁻¹ s_φ of each block.
+    let shared = base.blocks.iter().fold(base.prior.clone(), |sum, block| sum + &block.information);
+    let coupling = extended.iter().fold(DMatrix::zeros(free, seen), |sum, block| {
+        sum + block.information.view((0, free), (free, seen))
+    });
+    let Some(projection) = shared.cholesky().map(|factor| factor.solve(&coupling)) else { return Ok(None) };
+    let mut lift = DMatrix::zeros(free + seen, seen);
+    lift.view_mut((0, 0), (free, seen)).copy_from(&-&projection);
+    (0..seen).for_each(|i| lift[(free + i, i)] = 1.0);
+    let u: Vec<DVector<f64>> = extended.iter().map(|block| lift.transpose() * &block.gradient).collect();
+    let information: Vec<DMatrix<f64>> =
+        extended.iter().map(|block| lift.transpose() * &block.information * &lift).collect();
+    let residual = |b: usize| &u[b] + &information[b] * steps[b].rows(free, seen);
+    let e: Vec<DVector<f64>> = (0..u.len()).map(residual).collect();
+    let shares: Vec<f64> = information.iter().map(|k| k.trace() / seen as f64).collect();
+    let total = u.iter().fold(DVector::zeros(seen), |sum, u| sum + u);
+    let step = -(&whitening * &total);
+    let z = (0..own).map(|j| {
+        let spread: f64 = e.iter().map(|e| whitening.row(j).transpose().dot(e).powi(2)).sum();
+        if spread > 0.0 { step[j] / spread.sqrt() } else { 0.0 }
+    });
+    let vif = columns.clone().map(|j| scores.alone[j] / scores.information[(j, j)]).fold(1.0, f64::max);
+    Ok(Some(LawScore {
+        score: total.norm_squared(),
+        freedom: seen,
+        p: p_of_blocks(&u, &e, &shares),
+        vif,
+        z: z.collect(),
+        gains,
+        step,
+        whitening,
+        columns,
+    }))
+}
+
+/// Σ r² of each block by what the others say of the shared unknowns.
+pub fn left_out(fit: &BlockFit, contiguous: &[bool]) -> Option<Vec<f64>> {
+    super::cross_validation::left_out(&fit.blocks, &fit.prior, contiguous)
+}
+
+/// A block over [φ, η].
+fn extended(base: &Quadratic, law: &LawBlock, whitening: &DMatrix<f64>) -> Quadratic {
+    let (free, seen) = (base.gradient.len(), whitening.ncols());
+    let coupling = &law.coupling * whitening;
+    let mut information = DMatrix::zeros(free + seen, free + seen);
+    information.view_mut((0, 0), (free, free)).copy_from(&base.information);
+    information.view_mut((0, free), (free, seen)).copy_from(&coupling);
+    information.view_mut((free, 0), (seen, free)).copy_from(&coupling.transpose());
+    information.view_mut((free, free), (seen, seen)).copy_from(&(whitening.transpose() * &law.information * whitening));
+    let mut gradient = DVector::zeros(free + seen);
+    gradient.rows_mut(0, free).copy_from(&base.gradient);
+    gradient.rows_mut(free, seen).copy_from(&(whitening.transpose() * &law.gradient));
+    Quadratic { squares: base.squares, gradient, information }
+}
+
+/// W with `Wᵀ K_jj W = 1` over the directions that can be seen.
+fn whitening(scores: &BlockScores, columns: Range<usize>) -> Option<DMatrix<f64>> {
+    let n = columns.len();
+    // By the size of each column, so that units do not matter; a column that is nothing at all stays zero.
+    let scale = DVector::from_fn(n, |i, _| {
+        let alone = scores.alone[columns.start + i];
+        if alone > 0.0 && alone.is_finite() { 1.0 / alone.sqrt() } else { 0.0 }
+    });
+    let information =
+        DMatrix::from_fn(n, n, |i, j| scale[i] * scale[j] * scores.information[(columns.start + i, columns.start + j)]);
+    if information.iter().any(|value| !value.is_finite()) {
+        return None;
+    }
+    let eigen = information.symmetric_eigen();
+    let seen: Vec<usize> = (0..n).filter(|&i| eigen.eigenvalues[i] > LEAST_INFORMATION).collect();
+    if seen.is_empty() {
+        return None;
+    }
+    Some(DMatrix::from_fn(n, seen.len(), |i, j| {
+        scale[i] * eigen.eigenvectors[(i, seen[j])] / eigen.eigenvalues[seen[j]].sqrt()
+    }))
+}
+
+/// |cos| of the angle between what `of` does to the residuals at its step and the columns of `by`, both with the shared unknowns eliminated.
+pub fn collinearity(scores: &BlockScores, of: &LawScore, by: &LawScore) -> f64 {
+    let cross = scores.information.view((by.columns.start, of.columns.start), (by.columns.len(), of.columns.len()));
+    let explained = (by.whitening.transpose() * cross * &of.step).norm_squared();
+    let own = scores.information.view((of.columns.start, of.columns.start), (of.columns.len(), of.columns.len()));
+    let whole = of.step.dot(&(own * &of.step));
+    if whole > 0.0 { (explained / whole).sqrt().min(1.0) } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::SeedableRng;
+    use rand_chacha::ChaCha8Rng;
+    use rand_distr::{Distribution, StandardNormal};
+
+    use super::*;
+
+    /// Blocks of a regression with one shared unknown and laws of one column each; the readings have so much of each law's column, and coloured noise of
+    /// this size in whole blocks.
+    fn scores(columns: usize, effect: &[f64], coloured: f64, seed: u64) -> BlockScores {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
+        let mut base = BlockFit {
+            blocks: Vec::new(),
+            prior: DMatrix::zeros(1, 1),
+            freedom: vec![39.0; 24],
+            log_determinants: vec![0.0; 24],
+        };
+        let mut laws = vec![Vec::new(); columns];
+        let (mut information, mut coupling, mut shared) =
+            (DMatrix::zeros(columns, columns), DMatrix::zeros(1, columns), 0.0);
+        for _ in 0..24 {
+            let c = DMatrix::from_fn(40, columns, |_, _| normal());
+            let ones = DVector::from_element(40, 1.0);
+            let wandering = coloured * normal();
+            // A model error that follows the first column and changes its sign from block to block.
+            let r = DVector::from_fn(40, |i, _| normal() + wandering * c[(i, 0)] - (0..effect.len()).map(|j| effect[j] * c[(i, j)]).sum::<f64>());
+            base.blocks.push(Quadratic {
+                squares: r.norm_squared(),
+                gradient: DVector::from_element(1, ones.dot(&r)),
+                information: DMatrix::from_element(1, 1, 40.0),
+            });
+            for (j, law) in laws.iter_mut().enumerate() {
+                let column = c.column(j);
+                law.push(LawBlock {
+                    coupling: DMatrix::from_element(1, 1, column.sum()),
+                    information: DMatrix::from_element(1, 1, column.norm_squared()),
+                    gradient: DVector::from_element(1, column.dot(&r)),
+                });
+            }
+            information += c.transpose() * &c;
+            coupling += ones.transpose() * &c;
+            shared += 40.0;
+        }
+        let alone = information.diagonal();
+        let information = &information - coupling.transpose() * &coupling / shared;
+        let laws = laws.into_iter().map(Some).collect();
+        BlockScores { base, laws, columns: (0..columns).map(|j| Some(j..j + 1)).collect(), information, alone }
+    }
+
+    fn scored(scores: &BlockScores) -> Vec<LawScore> {
+        score_laws(scores, &[false; 23], false).into_iter().map(|law| law.unwrap().unwrap()).collect()
+    }
+
+    #[test]
+    fn a_law_that_is_there_gains_out_of_sample_and_one_that_is_not_loses() {
+        let laws = scored(&scores(3, &[0.5], 0.0, 1));
+        // 960 samples of 0.5²: 240, less some.
+        assert!((180.0..300.0).contains(&laws[0].gain()) && laws[0].p < 1e-6, "{} {}", laws[0].gain(), laws[0].p);
+        assert!((laws[0].step[0] - 0.5).abs() < 0.15, "{}", laws[0].step[0]);
+        let lost = (1..100).filter(|seed| scored(&scores(2, &[], 0.0, *seed))[1].gain() < 0.0).count();
+        // χ²₁ below one: 68 %.
+        assert!((55..=85).contains(&lost), "{lost} of 99");
+    }
+
+    #[test]
+    fn a_law_that_helps_in_sample_only_is_not_believed() {
+        // The same size in every block, but of either sign: the score is 30 to 300 times that of noise, the blocks do not agree.
+        let few = (1..60).filter(|seed| scored(&scores(2, &[], 2.0, *seed))[0].p < 0.05).count();
+        assert!(few <= 8, "{few} of 59 below 0.05");
+        let laws = scored(&scores(2, &[], 2.0, 1));
+        assert!(laws[0].score > 4.0 * laws[1].score.max(1.0) || laws[0].p > 0.05);
+    }
+
+    #[test]
+    fn a_column_that_is_not_a_number_is_left_out_and_spoils_no_other() {
+        let mut spoilt = scores(3, &[0.5], 0.0, 1);
+        let sound = scored(&spoilt)[0].p;
+        for block in spoilt.laws[1].as_mut().unwrap() {
+            block.gradient[0] = f64::NAN;
+        }
+        spoilt.information.column_mut(1).fill(f64::NAN);
+        spoilt.information.row_mut(1).fill(f64::NAN);
+        let laws = score_laws(&spoilt, &[false; 23], false);
+        assert_eq!(laws[1].as_ref().unwrap_err().columns, 1);
+        assert_eq!(laws[0].as_ref().unwrap().as_ref().unwrap().p, sound);
+    }
+
+    #[test]
+    fn columns_that_say_the_same_are_collinear_and_others_are_not() {
+        let mut scores = scores(3, &[0.5], 0.0, 1);
+        // The third law is the first one by another name.
+        scores.laws[2] = scores.laws[0].clone();
+        for i in 0..3 {
+            scores.information[(2, i)] = scores.information[(0, i)];
+        }
+        for i in 0..3 {
+            scores.information[(i, 2)] = scores.information[(i, 0)];
+        }
+        scores.alone[2] = scores.alone[0];
+        let laws = scored(&scores);
+        assert!(collinearity(&scores, &laws[0], &laws[2]) > 0.999);
+        assert!(collinearity(&scores, &laws[0], &laws[1]) < 0.2);
+    }
+}

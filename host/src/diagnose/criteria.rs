@@ -1,0 +1,50 @@
+//! Every constant that decides something, with its meaning and what its value was chosen on.
+//!
+//! The population of all of them is the wrong-world study (`cargo run --release -p tests --bin wrong_world`): robots of four families with trace effects, coloured
+//! torque, wrong fixed parameters and coloured sensors. `host/doc/diagnosis.md` has the counts for half and for twice each value.
+
+/// Blocks of time that a diagnosis looks at. The scatter between them is the only error model, so there must be enough of them for an interval (eight)
+/// and each must be long against the correlation of residuals.
+pub const BLOCKS: usize = 24;
+
+/// Of the blocks, those that are taken where the base model fits the whole recording worst; the others are spread evenly. An event lasts for one block, and
+/// saturation for a few.
+pub const WORST_BLOCKS: usize = 4;
+
+/// Samples of all blocks together of a robot of [`STATES`] states; a recording of up to three times as many is looked at whole.
+pub const SAMPLES: usize = 9_600;
+
+/// Samples of all blocks that a scan looks at.
+pub const SCAN_SAMPLES: usize = 4_800;
+
+/// States of the robot that the numbers of samples are given for: cost goes with the square of the states.
+pub const STATES: usize = 12;
+
+/// Fewest samples of a block.
+pub const LEAST_BLOCK: usize = 40;
+
+/// Share of recordings without an effect in which any law of the catalogue may pass the scan's test.
+pub const LEVEL: f64 = 0.01;
+
+/// Laws that are refitted in each round, the best of the scan, and at most so many more that are collinear with the best.
+pub const REFITTED: usize = 4;
+/// See [`REFITTED`].
+pub const COLLINEAR_REFITTED: usize = 3;
+
+/// |cos| of projected columns from which on two laws may stand for each other.
+pub const COLLINEAR: f64 = 0.9;
+
+/// An addition gains at least this share of what the model leaves unexplained.
+pub const LEAST_SHARE: f64 = 0.02;
+
+/// Most findings.
+pub const MOST_FINDINGS: usize = 8;
+
+/// The name goes to a law whose weight is at least this among its rivals.
+pub const WEIGHT: f64 = 0.9;
+
+/// Standard deviations on the logarithmic scale beyond which a size is called implausible.
+pub const IMPLAUSIBLE: f64 = 3.0;
+
+/// Fewest blocks of an interval.
+pub const LEAST_BLOCKS: usize = 8;

@@ -1,0 +1,416 @@
+//! Forward selection by what a law gains out of sample.
+//!
+//! ```text
+//!   current model ─▶ scan by blocks ─▶ refit the best, and what is collinear with them ─▶ gain of other blocks, with its interval
+//!        ▲                                                                                   │ supported, not noise, not below 2 % of what is left
+//!        └── drop what no longer gains, exchange what a rival explains better ◀── add ◀──────┘            else: end
+//! ```
+//! Nothing is rolled back and nothing is struck out for another one's sake.
+
+use std::sync::Arc;
+
+use super::axes::axes_of_step;
+use super::block_scores::{LawScore, collinearity, score_laws};
+use super::catalogue::{Candidate, Named};
+use super::criteria::{
+    BLOCKS, COLLINEAR, COLLINEAR_REFITTED, LEAST_SHARE, LEVEL, MOST_FINDINGS, REFITTED, SCAN_SAMPLES,
+};
+use super::events::{at_worst_times, p_of_event, timed};
+use super::interval::{Gain, bca, standard_error};
+use super::plausibility::Plausibility;
+use super::refit::{Fitted, Refit};
+use super::rivals::{Contender, best, weights};
+use super::significance::p_of_family;
+use crate::calibrate::{BlockScores, CalibrateError};
+use crate::effect::Effect;
+use crate::model::law::Law;
+
+/// What the scan says of an effect: of its best start.
+#[derive(Debug, Clone)]
+pub struct Scanned {
+    /// Which.
+    pub named: Named,
+    /// What the blocks say.
+    pub score: LawScore,
+    /// Share of worlds without any effect in which any law passes so far.
+    pub p_family: f64,
+    /// Joints (1-based) in whose coordinates it shows.
+    pub axes: Vec<usize>,
+}
+
+/// A law that was refitted in the place of an accepted one.
+#[derive(Debug, Clone)]
+pub struct Rival {
+    /// Which.
+    pub named: Named,
+    /// Σ r² saved out of sample.
+    pub gain: f64,
+    /// Its weight beside the accepted one and the other rivals.
+    pub weight: f64,
+    /// Joints (1-based).
+    pub axes: Vec<usize>,
+}
+
+/// An accepted cause.
+#[derive(Debug, Clone)]
+pub struct Accepted {
+    /// Which.
+    pub named: Named,
+    /// Σ r² saved of each block out of sample when it came in.
+    pub gains: Vec<f64>,
+    /// See [`Scanned::p_family`].
+    pub p_family: f64,
+    /// Parameters that the motion shows.
+    pub freedom: usize,
+    /// Its weight among its rivals.
+    pub weight: f64,
+    /// What is collinear with it.
+    pub rivals: Vec<Rival>,
+    /// Whether it happened once: no other block can know of it.
+    pub is_event: bool,
+}
+
+/// What a selection came to.
+#[derive(Debug, Clone)]
+pub struct Selection {
+    /// In the order in which they were accepted.
+    pub accepted: Vec<Accepted>,
+    /// The model with all of them.
+    pub current: Fitted,
+    /// The base model.
+    pub base: Fitted,
+    /// The scan of the base model, best first.
+    pub scan: Vec<Scanned>,
+    /// Effects whose columns are not numbers.
+    pub not_finite: Vec<(&'static str, usize)>,
+}
+
+impl Selection {
+    /// Σ r² that the base model leaves over what noise does: of all blocks, out of sample.
+    pub fn excess(&self) -> f64 {
+        excess(&self.base)
+    }
+}
+
+/// Σ r² that a model leaves over what noise does, of all blocks, out of sample.
+pub fn excess(fitted: &Fitted) -> f64 {
+    fitted.left_out.iter().zip(&fitted.freedom).map(|(cost, freedom)| cost - freedom).sum::<f64>()
+        - fitted.log_determinants
+}
+
+/// The sum of what blocks gain, as a share.
+pub fn share(gains: &[f64], of: f64) -> Gain {
+    let sum = |blocks: &mut dyn Iterator<Item = usize>| {
+        let (mut sum, mut count) = (0.0, 0);
+        for block in blocks {
+            sum += gains[block];
+            count += 1;
+        }
+        sum * gains.len() as f64 / f64::from(count.max(1))
+    };
+    let scale = of.max(f64::MIN_POSITIVE);
+    let ci95 = bca(gains.len(), sum).map(|[low, high]| [low / scale, high / scale]);
+    Gain { share: gains.iter().sum::<f64>() / scale, ci95, blocks: gains.len() }
+}
+
+/// The scan of all candidates that are not in yet.
+struct Scan {
+    scores: BlockScores,
+    /// Best first.
+    scanned: Vec<Scanned>,
+    not_finite: Vec<(&'static str, usize)>,
+}
+
+/// A refit on top of the current model.
+struct Tried {
+    named: Named,
+    fitted: Fitted,
+    gains: Vec<f64>,
+    p_family: f64,
+    freedom: usize,
+    is_event: bool,
+    score: Option<LawScore>,
+    axes: Vec<usize>,
+}
+
+/// Searches from the base model. `clues` are laws started from what the recording shows of events and contacts; `step` is told what begins.
+///
+/// # Errors
+/// As a calibration's, of a model that was accepted; a law that cannot be fitted is passed over.
+pub fn select(
+    refit: &Refit<'_>,
+    base: Fitted,
+    (candidates, clues): (&[Candidate], &[Named]),
+    plausibility: &Plausibility,
+    step: &dyn Fn(&str),
+) -> Result<Selection, CalibrateError> {
+    let mut selection = Selection {
+        accepted: Vec::new(),
+        current: base.clone(),
+        base,
+        scan: Vec::new(),
+        not_finite: Vec::new(),
+    };
+    while selection.accepted.len() < MOST_FINDINGS {
+        step("scanning the catalogue");
+        let scan = scan(refit, &selection, candidates)?;
+        step("refitting the best");
+        let tried = refitted(refit, &selection, &scan, clues);
+        if selection.accepted.is_empty() {
+            selection.scan.clone_from(&scan.scanned);
+        }
+        selection.not_finite.clone_from(&scan.not_finite);
+        let Some((chosen, rivals)) = choose(&selection, &scan, tried, plausibility) else { break };
+        tracing::debug!(effect = chosen.named.effect.id, weight = chosen.weight, "accepted");
+        selection.current = rivals.fitted;
+        selection.accepted.push(chosen);
+        step("looking at what it stands for");
+        drop_superfluous(refit, &mut selection)?;
+        exchange(refit, &mut selection, plausibility);
+    }
+    Ok(selection)
+}
+
+fn scan(refit: &Refit<'_>, selection: &Selection, candidates: &[Candidate]) -> Result<Scan, CalibrateError> {
+    let current = &selection.current.trial;
+    let states = refit.states();
+    let (bench, trial) = refit.bench.thinned(current, states.samples(SCAN_SAMPLES) / BLOCKS);
+    let is_in = |effect: &Effect| selection.accepted.iter().any(|accepted| accepted.named.effect.id == effect.id);
+    let mut named: Vec<Named> = Vec::new();
+    for candidate in candidates.iter().filter(|candidate| !is_in(candidate.effect)) {
+        let is_timed = candidate.alternatives.iter().any(|law| law.event_s().is_some());
+        let laws = if is_timed { at_worst_times(refit.bench, current, candidate)? } else { candidate.alternatives.clone() };
+        named.extend(laws.into_iter().map(|law| Named { effect: candidate.effect, law }));
+    }
+    let laws: Vec<Arc<dyn Law>> = named.iter().map(|named| named.law.clone()).collect();
+    let scores = bench.block_scores(&trial, &laws)?;
+    let of_each = score_laws(&scores, &bench.is_contiguous(), false);
+    let count = of_each.iter().filter(|score| matches!(score, Ok(Some(_)))).count();
+    let (mut scanned, mut not_finite): (Vec<Scanned>, Vec<(&'static str, usize)>) = (Vec::new(), Vec::new());
+    for (named, score) in named.into_iter().zip(of_each) {
+        let score = match score {
+            Ok(Some(score)) => score,
+            Ok(None) => continue,
+            Err(error) => {
+                match not_finite.iter_mut().find(|(id, _)| *id == named.effect.id) {
+                    Some((_, columns)) => *columns += error.columns,
+                    None => not_finite.push((named.effect.id, error.columns)),
+                }
+                continue;
+            }
+        };
+        let p_family = p_of_family(score.p, count);
+        let axes = axes_of_step(&*named.law, &score);
+        let new = Scanned { named, score, p_family, axes };
+        // Events are compared by their scores: no other block knows of them.
+        let worth = |s: &Scanned| if s.named.law.event_s().is_some() { s.score.score } else { s.score.gain() };
+        match scanned.iter_mut().find(|other| other.named.effect.id == new.named.effect.id) {
+            Some(other) if worth(other) >= worth(&new) => {}
+            Some(other) => *other = new,
+            None => scanned.push(new),
+        }
+    }
+    scanned.sort_by(|a, b| b.score.gain().total_cmp(&a.score.gain()));
+    for s in scanned.iter().take(10) {
+        let (gain, score) = (s.score.gain(), s.score.score);
+        tracing::debug!(effect = s.named.effect.id, gain, score, freedom = s.score.freedom, p = s.p_family, "scan");
+    }
+    Ok(Scan { scores, scanned, not_finite })
+}
+
+/// Refits of what the scan shows best, of what is collinear with the best, and of events.
+fn refitted(refit: &Refit<'_>, selection: &Selection, scan: &Scan, clues: &[Named]) -> Vec<Tried> {
+    let accepted: Vec<Named> = selection.accepted.iter().map(|accepted| accepted.named.clone()).collect();
+    let current = &selection.current;
+    let mut tried: Vec<Tried> = Vec::new();
+    let is_in = |named: &Named| accepted.iter().any(|other| other.effect.id == named.effect.id);
+    for named in clues.iter().filter(|named| !is_in(named)) {
+        tried.extend(refit.with_event(&accepted, current, named).map(|(named, fitted)| Tried {
+            gains: fitted.gains_over(current),
+            freedom: named.law.parameters().coordinates.len(),
+            p_family: 1.0,
+            is_event: named.law.event_s().is_some(),
+            score: None,
+            axes: axes_of_step_free(&*named.law),
+            named,
+            fitted,
+        }));
+    }
+    let is_event = |s: &&Scanned| s.named.law.event_s().is_some();
+    let (events, others): (Vec<&Scanned>, Vec<&Scanned>) = scan.scanned.iter().partition(is_event);
+    let gaining: Vec<&Scanned> = others.into_iter().filter(|s| s.score.gain() > 0.0).collect();
+    let (first, rest) = gaining.split_at(REFITTED.min(gaining.len()));
+    let is_collinear =
+        |s: &&&Scanned| first.first().is_some_and(|best| collinearity(&scan.scores, &best.score, &s.score) > COLLINEAR);
+    let wanted = first.iter().chain(rest.iter().filter(is_collinear).take(COLLINEAR_REFITTED));
+    for s in wanted.copied().chain(events) {
+        let timed_law = if s.named.law.event_s().is_some() {
+            timed((refit.bench, &current.trial), s.named.clone())
+        } else {
+            Ok(s.named.clone())
+        };
+        let Ok(named) = timed_law else { continue };
+        tried.extend(refit.with(&accepted, current, &named).map(|(named, fitted)| Tried {
+            gains: fitted.gains_over(current),
+            freedom: s.score.freedom,
+            p_family: s.p_family,
+            is_event: named.law.event_s().is_some(),
+            score: Some(s.score.clone()),
+            axes: s.axes.clone(),
+            named,
+            fitted,
+        }));
+    }
+    // What a single event gains, against what its law finds elsewhere.
+    for event in tried.iter_mut().filter(|tried| tried.is_event) {
+        event.gains = current.own.iter().zip(&event.fitted.own).map(|(before, after)| before - after).collect();
+        let most = event.gains.iter().copied().fold(0.0, f64::max);
+        let elsewhere: Vec<f64> = event.gains.iter().copied().filter(|gain| *gain < most).map(f64::abs).collect();
+        let times = refit.bench.series().stages() * refit.bench.series().joints();
+        event.p_family = p_of_event(most, event.freedom, &elsewhere, times);
+    }
+    tried
+}
+
+fn axes_of_step_free(law: &dyn Law) -> Vec<usize> {
+    let joints = law.parameters().coordinates.iter().filter_map(|coordinate| match coordinate.of {
+        crate::model::law::Of::Joint(joint) => Some(joint + 1),
+        _ => None,
+    });
+    let mut axes: Vec<usize> = joints.collect();
+    axes.dedup();
+    axes
+}
+
+/// Whether an addition is supported: out of sample, against noise, and large enough beside what is left.
+fn is_supported(tried: &Tried, left: f64) -> bool {
+    let gain = share(&tried.gains, 1.0);
+    let supported = tried.is_event || gain.is_supported();
+    tracing::debug!(
+        effect = tried.named.effect.id,
+        gain = gain.share,
+        ci95 = ?gain.ci95,
+        p = tried.p_family,
+        left,
+        "supported?"
+    );
+    supported && tried.p_family < LEVEL && gain.share >= LEAST_SHARE * left && gain.share > 0.0
+}
+
+/// What stands in the place of the chosen one.
+struct Chosen {
+    fitted: Fitted,
+}
+
+fn choose(
+    selection: &Selection,
+    scan: &Scan,
+    tried: Vec<Tried>,
+    plausibility: &Plausibility,
+) -> Option<(Accepted, Chosen)> {
+    let left = excess(&selection.current).max(0.0);
+    let gain = |tried: &Tried| tried.gains.iter().sum::<f64>();
+    let contender = |tried: &Tried| Contender {
+        gains: tried.gains.clone(),
+        freedom: tried.freedom,
+        implausibility: plausibility.of_law(tried.named.effect, &tried.fitted.trial),
+    };
+    let supported: Vec<bool> = tried.iter().map(|tried| is_supported(tried, left)).collect();
+    let top = (0..tried.len()).filter(|i| supported[*i]).max_by(|a, b| gain(&tried[*a]).total_cmp(&gain(&tried[*b])))?;
+    // Those that may stand for it: their columns do the same to the residuals.
+    let alike = |i: usize| match (&tried[top].score, &tried[i].score) {
+        (Some(of), Some(by)) => {
+            collinearity(&scan.scores, of, by).max(collinearity(&scan.scores, by, of)) > COLLINEAR
+        }
+        _ => tried[i].named.effect.id == tried[top].named.effect.id,
+    };
+    let class: Vec<usize> = (0..tried.len()).filter(|i| *i == top || alike(*i) && gain(&tried[*i]) > 0.0).collect();
+    let contenders: Vec<Contender> = class.iter().map(|i| contender(&tried[*i])).collect();
+    let weights = weights(&contenders);
+    let of_supported: Vec<Contender> =
+        class.iter().zip(&contenders).filter(|(i, _)| supported[**i]).map(|(_, c)| c.clone()).collect();
+    let places: Vec<usize> = class.iter().copied().filter(|i| supported[*i]).collect();
+    let chosen = places[best(&of_supported)?];
+    let rivals = class.iter().zip(&weights).filter(|(i, _)| **i != chosen).map(|(i, weight)| Rival {
+        named: tried[*i].named.clone(),
+        gain: gain(&tried[*i]),
+        weight: *weight,
+        axes: tried[*i].axes.clone(),
+    });
+    let mut rivals: Vec<Rival> = rivals.collect();
+    rivals.sort_by(|a, b| b.weight.total_cmp(&a.weight).then(b.gain.total_cmp(&a.gain)));
+    let weight = class.iter().zip(&weights).find(|(i, _)| **i == chosen).map_or(1.0, |(_, weight)| *weight);
+    let tried = tried.into_iter().nth(chosen)?;
+    let accepted = Accepted {
+        named: tried.named,
+        gains: tried.gains,
+        p_family: tried.p_family,
+        freedom: tried.freedom,
+        weight,
+        rivals,
+        is_event: tried.is_event,
+    };
+    Some((accepted, Chosen { fitted: tried.fitted }))
+}
+
+/// The model without the cause at `place`, and what each block loses.
+///
+/// # Errors
+/// As a calibration's.
+pub fn without(refit: &Refit<'_>, selection: &Selection, place: usize) -> Result<(Fitted, Vec<f64>), CalibrateError> {
+    let others = selection.accepted.iter().enumerate().filter(|(other, _)| *other != place);
+    let others: Vec<&Named> = others.map(|(_, accepted)| &accepted.named).collect();
+    let fitted = if others.is_empty() { selection.base.clone() } else { refit.of(&others, &selection.current)? };
+    let lost = if selection.accepted[place].is_event {
+        fitted.own.iter().zip(&selection.current.own).map(|(without, with)| without - with).collect()
+    } else {
+        selection.current.gains_over(&fitted)
+    };
+    Ok((fitted, lost))
+}
+
+/// What came in first may have stood for what came in last: dropped where the others predict as well without it.
+fn drop_superfluous(refit: &Refit<'_>, selection: &mut Selection) -> Result<(), CalibrateError> {
+    let mut place = 0;
+    while selection.accepted.len() > 1 && place + 1 < selection.accepted.len() {
+        let (fitted, lost) = without(refit, selection, place)?;
+        let left = excess(&fitted).max(0.0);
+        let gain = share(&lost, 1.0);
+        let is_needed = (gain.is_supported() || selection.accepted[place].is_event) && gain.share >= LEAST_SHARE * left;
+        tracing::debug!(effect = selection.accepted[place].named.effect.id, lost = gain.share, ci95 = ?gain.ci95, "drop?");
+        if is_needed {
+            place += 1;
+        } else {
+            selection.accepted.remove(place);
+            selection.current = fitted;
+        }
+    }
+    Ok(())
+}
+
+/// Beside another cause, what predicted best alone may be predicted better by a rival.
+fn exchange(refit: &Refit<'_>, selection: &mut Selection, plausibility: &Plausibility) {
+    if selection.accepted.len() < 2 {
+        return;
+    }
+    for place in 0..selection.accepted.len() - 1 {
+        let is_in = |named: &Named| selection.accepted.iter().any(|other| other.named.effect.id == named.effect.id);
+        let rival = selection.accepted[place].rivals.iter().position(|rival| !is_in(&rival.named));
+        let Some(rival) = rival else { continue };
+        let other = selection.accepted[place].rivals[rival].named.clone();
+        let others = selection.accepted.iter().enumerate().filter(|(i, _)| *i != place).map(|(_, a)| &a.named);
+        let with: Vec<&Named> = others.chain([&other]).collect();
+        let Ok(fitted) = refit.of(&with, &selection.current) else { continue };
+        let gains = fitted.gains_over(&selection.current);
+        let (gain, error) = (gains.iter().sum::<f64>(), standard_error(&gains));
+        let is_plausible = plausibility.of_law(other.effect, &fitted.trial)
+            <= plausibility.of_law(selection.accepted[place].named.effect, &selection.current.trial).max(3.0);
+        tracing::debug!(effect = selection.accepted[place].named.effect.id, by = other.effect.id, gain, error, "exchange?");
+        if gain > error && is_plausible {
+            let before = std::mem::replace(&mut selection.accepted[place].named, other);
+            let old = &mut selection.accepted[place].rivals[rival];
+            (old.named, old.gain) = (before, old.gain - gain);
+            selection.current = fitted;
+        }
+    }
+}
