@@ -112,6 +112,11 @@ impl<'a> Bench<'a> {
         &self.series
     }
 
+    /// What the base calibration assumed.
+    pub fn preset(&self) -> Preset {
+        self.preset
+    }
+
     /// The robot.
     pub fn robot(&self) -> &'a Robot {
         self.robot

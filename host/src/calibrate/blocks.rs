@@ -49,8 +49,26 @@ pub struct BlockFit {
     pub prior: DMatrix<f64>,
     /// Of every block: rows less states, the Σ r² that noise of the assumed size leaves.
     pub freedom: Vec<f64>,
+    /// The free directions in the unknowns' own units, m × f.
+    pub free: DMatrix<f64>,
+    /// The coordinates of each law of the trial.
+    pub laws: Vec<Range<usize>>,
     /// Of every block: ln |H_xx| less that of what is assumed of states which laws bring, the Laplace term of the marginal likelihood.
     pub log_determinants: Vec<f64>,
+}
+
+impl BlockFit {
+    /// Of each block, the amplitude of `direction` (in the unknowns' own units, taken for 1 at the fit) that it shows by itself with all else where the fit has it, and the
+    /// information that it has of it.
+    pub fn amplitudes(&self, direction: &[f64]) -> Vec<(f64, f64)> {
+        let d = self.free.clone().svd(true, true).solve(&DVector::from_row_slice(direction), 1e-12);
+        let Ok(d) = d else { return Vec::new() };
+        let of_block = |block: &Quadratic| {
+            let information = d.dot(&(&block.information * &d));
+            (1.0 - block.gradient.dot(&d) / information, information)
+        };
+        self.blocks.iter().map(of_block).collect()
+    }
 }
 
 /// What one block says of one law.
@@ -191,7 +209,12 @@ impl<'a> Bench<'a> {
             freedom.push(problem.rows_of(point, range.clone()) as f64 - size * range.len() as f64);
             *log_determinant -= self.assumed_of_added(problem, range);
         }
-        BlockFit { blocks, prior, freedom, log_determinants }
+        let coordinates = problem.model.coordinates();
+        let laws = problem.model.laws().iter().enumerate().map(|(law, own)| {
+            let first = coordinates.first_of_law(law);
+            first..first + own.parameters().coordinates.len()
+        });
+        BlockFit { blocks, prior, freedom, free: free.clone(), laws: laws.collect(), log_determinants }
     }
 
     /// 2 Σ ln(1/σ) of the rows that states which laws bring have of their own: what ln |H_xx| has of them where readings say nothing.
@@ -205,6 +228,40 @@ impl<'a> Bench<'a> {
         let starts = range.clone().filter(|k| self.series.starts_run(*k)).count() as f64;
         let steps = range.filter(|k| problem.linked(*k)).count() as f64;
         2.0 * (steps * of_step + starts * of_start)
+    }
+
+    /// Standard errors of the parameters of a trial on this bench by the jackknife over blocks: `steps` are what the shared unknowns do without each block, in free
+    /// directions of [`BlockFit`].
+    ///
+    /// # Errors
+    /// A model that cannot be built.
+    pub fn jackknife(
+        &self,
+        trial: &Trial,
+        fit: &BlockFit,
+        steps: &[DVector<f64>],
+    ) -> Result<Vec<(String, f64)>, CalibrateError> {
+        let model = Model::extended(self.robot, trial.laws.clone())?;
+        let coordinates = model.coordinates();
+        let known = trial.known();
+        let z = super::extension::shared(&model, self.robot, &self.series, &known).z;
+        let at = |step: &DVector<f64>| {
+            let moved = &fit.free * step;
+            coordinates.to_physical(&z.iter().zip(moved.iter()).map(|(z, d)| z + d).collect::<Vec<_>>())
+        };
+        let values: Vec<Vec<f64>> = steps.iter().map(at).collect();
+        let count = values.len() as f64;
+        let error = |i: usize| {
+            let mean = values.iter().map(|of_block| of_block[i]).sum::<f64>() / count;
+            let squares: f64 = values.iter().map(|of_block| (of_block[i] - mean).powi(2)).sum();
+            (squares * (count - 1.0) / count).sqrt()
+        };
+        Ok(coordinates.names().enumerate().map(|(i, (name, _))| (name.to_string(), error(i))).collect())
+    }
+
+    /// States of a sample of the base model.
+    pub fn states(&self) -> usize {
+        self.layout.size()
     }
 
     /// The stages of every block.

@@ -25,6 +25,7 @@ use crate::effect::Effect;
 use crate::model::{Layout, Model};
 use crate::recording::Recording;
 use crate::robot::Robot;
+use solve::LeastSquares;
 use solve::border::Border;
 use solve::levenberg::{Iteration, Settings};
 
@@ -56,6 +57,21 @@ pub struct Fit {
     pub(super) states: Vec<f64>,
     /// What the components of a state are.
     pub(super) layout: Layout,
+}
+
+impl Fit {
+    /// ½ Σ r² of every sample at the end of the search, under the noise that was found.
+    ///
+    /// # Errors
+    /// A model that cannot be built.
+    pub fn costs(&self, robot: &Robot, settings: &Settings) -> Result<Vec<f64>, CalibrateError> {
+        let model = Model::new(robot);
+        let mut problem = extension::problem(&model, robot, &self.series, self);
+        let point = extension::warm_start(&problem, robot, &self.series, &extension::known(self), settings);
+        problem.shift_readings(&point.z);
+        let mut scratch = problem.scratch();
+        Ok((0..self.series.stages()).map(|k| problem.cost(&point, k..k + 1, &mut scratch)).collect())
+    }
 }
 
 /// Calibrates `robot` on recordings of it, by a [`Preset`] or a [`Method`]. `progress` is called once an iteration.

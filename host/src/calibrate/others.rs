@@ -4,7 +4,8 @@ use super::CalibrateError;
 use super::bench::Bench;
 use super::extension::Known;
 use super::series::Series;
-use super::trial::Trial;
+use super::problem::Problem;
+use super::trial::{Trial, TrialValue};
 use crate::model::Model;
 use solve::LeastSquares;
 use solve::levenberg::{self, Settings};
@@ -13,7 +14,7 @@ use solve::levenberg::{self, Settings};
 const ROUGHLY: usize = 4;
 
 impl Bench<'_> {
-    /// A bench for the same models on other samples of the robot, under the same noise. For [`Bench::cost_as`]: it knows of no direction that its samples
+    /// A bench for the same models on other samples of the robot, under the same noise. It knows of no direction that its samples
     /// do not determine.
     pub fn of_others(&self, series: Series) -> Self {
         Bench {
@@ -38,6 +39,52 @@ impl Bench<'_> {
         Ok(self.costs(trial, &self.settings)?.0)
     }
 
+    /// The model of a trial with what these samples have of their own: states, biases, mountings, and the parameters of which `is_own` says so by their names.
+    /// All else stays.
+    ///
+    /// # Errors
+    /// A model that cannot be built or solved.
+    pub fn with_own(&self, trial: &Trial, is_own: &dyn Fn(&str) -> bool) -> Result<Trial, CalibrateError> {
+        let model = Model::extended(self.robot, trial.laws.clone())?;
+        let (mut problem, start, mut held) = self.at(&model, &Known { states: &[], ..trial.known() });
+        held.extend(self.held_but(&model, &problem, is_own));
+        let start = self.eased(&mut problem, start, &held);
+        let point = levenberg::minimise(&problem, start, &held, &self.settings, |_, _| {})?.point;
+        let coordinates = model.coordinates();
+        let values = coordinates.names().zip(coordinates.to_physical(&point.z)).map(|((name, _), estimate)| {
+            let known = trial.value(name).cloned();
+            let unit = known.as_ref().map_or("", |value| value.unit);
+            known.map(|value| TrialValue { estimate, ..value }).unwrap_or(TrialValue {
+                name: name.to_string(),
+                unit,
+                estimate,
+                std_error: None,
+                vif: f64::NAN,
+            })
+        });
+        Ok(Trial {
+            values: values.collect(),
+            rotations: point.rotations,
+            biases: point.biases,
+            states: point.states,
+            layout: model.layout().clone(),
+            ..trial.clone()
+        })
+    }
+
+    /// Directions of the border that hold all coordinates of the dynamics but those on which a result depends that is these samples' own.
+    fn held_but(&self, model: &Model, problem: &Problem<'_>, is_own: &dyn Fn(&str) -> bool) -> Vec<Vec<f64>> {
+        let (coordinates, size) = (model.coordinates(), problem.border().size());
+        let z = vec![1.0; coordinates.len()];
+        let mut free = vec![false; coordinates.len()];
+        for (i, _) in coordinates.names().enumerate().filter(|(_, (name, _))| is_own(name)) {
+            let (_, slopes) = coordinates.physical_and_slopes(&z, i);
+            slopes.iter().for_each(|(own, _)| free[*own] = true);
+        }
+        let held = (0..coordinates.len()).filter(|own| !free[*own]);
+        held.map(|own| (0..size).map(|i| f64::from(i == own)).collect()).collect()
+    }
+
     /// The same of every sample, roughly: states are not searched to the end.
     ///
     /// # Errors
@@ -49,8 +96,7 @@ impl Bench<'_> {
     fn costs(&self, trial: &Trial, settings: &Settings) -> Result<(f64, Vec<f64>), CalibrateError> {
         let model = Model::extended(self.robot, trial.laws.clone())?;
         let (mut problem, start, mut held) = self.at(&model, &Known { states: &[], ..trial.known() });
-        let size = problem.border().size();
-        held.extend((0..model.coordinates().len()).map(|own| (0..size).map(|i| f64::from(i == own)).collect()));
+        held.extend(self.held_but(&model, &problem, &|_| false));
         let start = self.eased(&mut problem, start, &held);
         let found = levenberg::minimise(&problem, start, &held, settings, |_, _| {})?;
         let mut scratch = problem.scratch();

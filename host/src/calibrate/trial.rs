@@ -94,6 +94,16 @@ impl Trial {
         JointState { q, qd, theta, thetad }
     }
 
+    /// Rotations of all gyros, body axes → sensor axes, and their biases in the first recording, rad/s.
+    pub fn gyros(&self) -> (&[Matrix3<f64>], &[Vector3<f64>]) {
+        (&self.rotations, self.biases.first().map_or(&[], Vec::as_slice))
+    }
+
+    /// Whether a joint has a spring between motor and link.
+    pub fn is_elastic(&self, joint: usize) -> bool {
+        self.layout.is_elastic(joint)
+    }
+
     pub(super) fn known(&self) -> Known<'_> {
         Known {
             value: Box::new(|name| self.value(name).map(|value| value.estimate)),

@@ -2,7 +2,7 @@
 
 use super::block_scores::LawScore;
 use crate::calibrate::{Trial, TrialValue};
-use crate::effect::{Effect, Role};
+use crate::effect::Effect;
 use crate::model::law::{Law, Of};
 
 /// Standard errors from which on a joint's parameter shows, and share of the largest one below which it does not matter.
@@ -15,7 +15,7 @@ pub fn is_of(effect: &Effect, name: &str) -> bool {
 
 /// Whether a result is a size of this effect.
 pub fn is_size(effect: &Effect, name: &str) -> bool {
-    effect.parameter(name).is_some_and(|parameter| parameter.role == Role::Size)
+    effect.parameter(name).is_some_and(|parameter| parameter.role.is_size())
 }
 
 /// The joint (1-based) that a result's name ends in.

@@ -1,72 +1,64 @@
 //! The diagnosis: what a calibrated model gets wrong, by which law, and what knowing it brings.
 //!
 //! ```text
-//!   recording ─▶ calibration of the base model ─▶ bench (frozen yardstick) ─▶ search ─▶ verdict
-//!                                                                               │
-//!   second recording ────────────────────────────── gain of the extended calibration ◀──┘
+//!   recordings ─▶ calibration of the base model ─▶ bench: blocks of time, fixed noise ─▶ selection ─▶ extended calibration
+//!                                                        │ does it fit at all?              │
+//!   another motion ────────────────────────── asked once: joint gain of all, of each ◀──────┘──▶ result
 //! ```
 //!
 //! The method is that of stochastic grey-box models (Kristensen, Madsen, Jørgensen 2004): fix the noise first, look for what explains the
-//! residuals under it. New is that the cause is named: every law of the catalogue is tried, and a name has to hold its own against any smooth
-//! curve on the same equation.
+//! residuals under it. One currency decides: the prediction of blocks of time that a fit has not seen. One error model goes with it: the scatter between blocks.
+//! Every objection is a number or a flag on a finding; none deletes another finding.
 
 mod axes;
-mod bootstrap;
-mod candidate;
+mod base_fit;
+mod block_scores;
+mod blocks;
+mod catalogue;
+pub mod criteria;
+mod cross_validation;
 mod curves;
-mod event_time;
-mod found;
-mod gain;
-mod margin;
+mod events;
+mod holdout;
+mod interval;
+mod plausibility;
 mod refit;
+mod report;
 mod result;
-pub mod scan;
-mod search;
-mod settle;
-mod shapeless;
+mod rivals;
+mod selection;
 mod significance;
-mod spline;
-mod tell;
-mod waves;
-mod windows;
-mod worth;
+mod stability;
 mod yardstick;
 
-pub use bootstrap::Gain;
-pub use found::LEVEL;
-pub use margin::margin;
+pub use block_scores::{LawScore, score_laws};
+pub use criteria::LEVEL;
+pub use interval::Gain;
 pub use result::{
-    Candidate, ChannelGain, Defect, Diagnosis, Finding, NotTestable, Picture, Rival, Unexplained, Verdict,
+    BaseFit, Candidate, ChannelFit, ChannelGain, Defect, Diagnosis, Finding, Flag, HoldoutGain, HorizonGain, NotTestable,
+    OverTime, Picture, Rejected, Rival, Unexplained, Verdict,
 };
+pub use stability::Stability;
 pub use yardstick::yardstick;
 
-use std::cell::OnceCell;
-use std::ops::Range;
+use criteria::{BLOCKS, LEAST_BLOCK, SAMPLES, WORST_BLOCKS};
+use holdout::Holdout;
+use plausibility::Plausibility;
+use refit::{Fitted, Refit, samples_for};
+use report::{Evidence, Judged};
+use selection::Selection;
 
-use found::Search;
-use refit::Events;
-
-use crate::calibrate::{Bench, CalibrateError, Fit, Method, Preset, Series, Trial, extend_as, fit};
+use crate::calibrate::{Bench, CalibrateError, Fit, Method, Preset, Trial, extend_as, fit};
 use crate::effect::{Effect, EffectError};
 use crate::model::Model;
 use crate::recording::Recording;
 use crate::robot::Robot;
-use crate::verify::VerifyError;
 use solve::levenberg::Settings;
 
-/// Samples that everything is tried on, of a robot with [`STATES`] states. Fewer states cost less, and a short motion in a few windows may
-/// always be caught in the same phase.
-const FEW_SAMPLES: usize = 4_000;
-/// States of Doggy.
-const STATES: usize = 12;
-/// Samples that decide; of a recording three times as long windows are taken.
-const ENOUGH_SAMPLES: usize = 12_000;
 /// Trials end at this relative change of the cost: a thousandth of what tells two laws apart. Wrong models crawl on for long.
 const ENOUGH: f64 = 1e-6;
 /// And after so many iterations.
 const MOST_ITERATIONS: usize = 25;
-/// Windows of a bench.
-const WINDOWS: usize = 8;
 
 /// Why a recording cannot be diagnosed.
 #[derive(Debug, thiserror::Error)]
@@ -74,9 +66,6 @@ pub enum DiagnoseError {
     /// No base model to begin with.
     #[error(transparent)]
     Calibrate(#[from] CalibrateError),
-    /// The second recording cannot be predicted.
-    #[error(transparent)]
-    Verify(#[from] VerifyError),
     /// An id that `--without` names.
     #[error(transparent)]
     Effect(#[from] EffectError),
@@ -91,14 +80,14 @@ pub struct Options {
     pub settings: Settings,
 }
 
-/// Diagnoses `recording` of `robot`. The gain is measured on `holdout`, or on the last third of the recording, which the fits then do not see.
+/// Diagnoses recordings of `robot` together. The gain is measured on `holdout`, or on the last third of each recording, which the fits then do not see.
 /// `step` is told what begins.
 ///
 /// # Errors
-/// [`DiagnoseError`].
+/// [`DiagnoseError`], where there is no base model. What fails later is told in the result.
 pub fn diagnose(
     robot: &Robot,
-    recording: &Recording,
+    recordings: &[&Recording],
     holdout: Option<&Recording>,
     options: &Options,
     step: &dyn Fn(&str),
@@ -106,74 +95,68 @@ pub fn diagnose(
     for id in &options.without {
         Effect::by_id(id)?;
     }
-    let parts = fitted_and_unseen(recording);
-    let (fitted, unseen) = holdout.map_or((&parts[0], &parts[1]), |holdout| (recording, holdout));
+    let parts: Vec<[Recording; 2]> = recordings.iter().map(|recording| fitted_and_unseen(recording)).collect();
+    let (fitted, unseen): (Vec<&Recording>, Vec<&Recording>) = match holdout {
+        Some(holdout) => (recordings.to_vec(), vec![holdout]),
+        None => (parts.iter().map(|part| &part[0]).collect(), parts.iter().map(|part| &part[1]).collect()),
+    };
+    let settings = &options.settings;
     step("calibrating the base model");
-    let base = fit(robot, &[fitted], Method::suited(Preset::Default, robot), &options.settings, |_, _| {})?;
-    let [(few, few_base), (bench, trial)] = benches(robot, &base, &options.settings)?;
-    let (mut candidates, unsuited) = candidate::catalogue(robot, &options.without);
-    let mut events = Events::of(bench.trimmed(&trial)?, &candidates);
-    let others = OnceCell::new();
-    let cost_of_others = |trial: &Trial| {
-        let others = others.get_or_init(|| {
-            let series = Series::of(robot, &[unseen]);
-            bench.of_others(series.excerpt(FEW_SAMPLES, WINDOWS).unwrap_or(series))
-        });
-        let samples = others.series().stages();
-        (samples > 0).then(|| others.cost_as(trial).ok().map(|cost| cost / samples as f64)).flatten()
-    };
-    let mut found = search::search((&few, &few_base), (&bench, &trial), &cost_of_others, (&candidates, &events), step)?;
+    let base = fit(robot, &fitted, Method::suited(Preset::Default, robot), settings, |_, _| {})?;
+    let (bench, trial) = bench(robot, &base, settings)?;
+    let contiguous = bench.is_contiguous();
+    let (candidates, unsuited) = catalogue::catalogue(robot, &options.without);
+    let plausibility = Plausibility::of(&bench, &trial);
+    let has_events = candidates.iter().any(|candidate| candidate.alternatives.iter().any(|law| law.is_event()));
+    let trimmed = if has_events { bench.trimmed(&trial).unwrap_or_default() } else { None };
+    let clues = events::from_clues(trimmed.as_ref(), &candidates);
+    let refit = Refit { bench: &bench, contiguous: &contiguous, trimmed: trimmed.as_ref() };
+    let on_bench = Fitted::of(&bench, &contiguous, trial)?;
+    let mut selection = selection::select(&refit, on_bench, (&candidates, &clues), &plausibility, step)?;
 
-    let extended = loop {
-        step("calibrating the extended model");
-        let ids: Vec<&str> = found.accepted.iter().map(|accepted| accepted.named.effect.id).collect();
-        if ids.is_empty() {
-            break base.clone();
-        }
-        let known = (&ids[..], &found.trial, &bench);
-        let extended = extend_as(robot, &[fitted], &base, known, &options.settings, |i, iteration| {
-            tracing::trace!(
-                i,
-                cost = iteration.cost,
-                damping = iteration.damping,
-                trials = iteration.trials,
-                "extended"
-            );
-        })?;
-        let Some(law) = found.trial.impossible_in(&extended.calibration) else { break extended };
-        // What the whole recording leads where no robot can be stood for something else, and what came in after it was found beside it.
-        let impossible = found.cause_of(law);
-        tracing::debug!(effect = impossible.id, "no robot can have it: searched again without");
-        candidates.retain(|candidate| candidate.effect.id != impossible.id);
-        events.named.retain(|named| named.effect.id != impossible.id);
-        let first = std::mem::take(&mut found.first_scan);
-        let explained = |found: &Search| trial.cost - found.trial.cost;
-        let with_impossible = explained(&found);
-        found = search::search((&few, &few_base), (&bench, &trial), &cost_of_others, (&candidates, &events), step)?;
-        let named: Vec<&str> = found.accepted.iter().map(|accepted| accepted.named.effect.id).collect();
-        if stands_in((&named, explained(&found)), (&ids, with_impossible)) {
-            let curves = found.first_curves;
-            found = Search { left: curves.clone(), first_curves: curves, ..Search::at(&trial) };
-        }
-        // What it stood for is there, though nothing may be left to name it.
-        found.refused = found.refused.or_else(|| first.iter().find(|s| s.named.effect.id == impossible.id).cloned());
-        found.first_scan = first;
+    step("looking for curves");
+    let thinned = |trial: &Trial| {
+        let (bench, trial) = bench.thinned(trial, refit.samples(criteria::SCAN_SAMPLES) / BLOCKS);
+        let contiguous = bench.is_contiguous();
+        let more = refit.bench.series().stages() as f64 / bench.series().stages().max(1) as f64;
+        (curves::curves(&bench, &trial, &contiguous).unwrap_or_default(), more)
     };
-    step("measuring the gain");
-    let gain = if found.accepted.is_empty() {
-        Vec::new()
-    } else {
-        gain::gain(&base.calibration, &extended.calibration, unseen, options.settings.threads)?
-    };
+    let (first_curves, _) = thinned(&selection.base.trial);
+    step("predicting the other motion");
+    let unseen = Holdout::new(&bench, &unseen, settings.threads);
+    let (judged, rejected) = report::judge(&refit, &unseen, &mut selection);
+    let (left, scale) = if selection.accepted.is_empty() { (first_curves.clone(), 1.0) } else { thinned(&selection.current.trial) };
+
+    step("calibrating the extended model");
+    let extended = extended(robot, &fitted, &base, (&selection, &bench), settings);
     let holdout = holdout.map(|recording| recording.source.path.display().to_string());
-    Ok(tell::tell(&bench, &trial, &found, (&base, extended), gain, unsuited, holdout)?)
+    let evidence = Evidence { bench: &bench, plausibility: &plausibility, selection: &selection, first_curves, left, scale };
+    Ok(report::report(&evidence, (judged, rejected), (&base, extended), unsuited, holdout))
 }
 
-/// Whether causes were named only because another one cannot be: none of them was found beside it, and they explain clearly less than was explained
-/// with it. Then neither is what is there.
-fn stands_in((named, explained): (&[&str], f64), (before, with_impossible): (&[&str], f64)) -> bool {
-    let were_found = named.iter().any(|id| before.contains(id));
-    !named.is_empty() && !were_found && explained < search::NAMED_SHARE * with_impossible
+/// The calibration of all samples with the laws of a selection; none where there are none, or where it fails.
+fn extended(
+    robot: &Robot,
+    recordings: &[&Recording],
+    base: &Fit,
+    (selection, bench): (&Selection, &Bench<'_>),
+    settings: &Settings,
+) -> Option<Fit> {
+    let ids: Vec<&str> = selection.accepted.iter().map(|accepted| accepted.named.effect.id).collect();
+    if ids.is_empty() {
+        return None;
+    }
+    let known = (&ids[..], &selection.current.trial, bench);
+    let extended = extend_as(robot, recordings, base, known, settings, |i, iteration| {
+        tracing::trace!(i, cost = iteration.cost, damping = iteration.damping, trials = iteration.trials, "extended");
+    });
+    match extended {
+        Ok(fit) => Some(fit),
+        Err(error) => {
+            tracing::debug!(%error, "the extended calibration of all samples failed");
+            None
+        }
+    }
 }
 
 /// The two thirds of a recording that are fitted where there is no other, and the last one.
@@ -182,75 +165,15 @@ fn fitted_and_unseen(recording: &Recording) -> [Recording; 2] {
     [recording.part(0..cut), recording.part(cut..recording.len())]
 }
 
-/// The base model on few samples, and on those that decide.
-fn benches<'r>(robot: &'r Robot, base: &Fit, settings: &Settings) -> Result<[(Bench<'r>, Trial); 2], CalibrateError> {
+/// The blocks that a diagnosis looks at, and the base model on them under the noise that the sensors have by themselves.
+fn bench<'r>(robot: &'r Robot, base: &Fit, settings: &Settings) -> Result<(Bench<'r>, Trial), CalibrateError> {
     let noise = yardstick(robot, &base.series);
     let settings = Settings { relative_cost_change: ENOUGH, max_iterations: MOST_ITERATIONS, ..settings.clone() };
-    let bench = |part: Series| Bench::new(robot, part, base, noise.clone(), settings.clone());
-    let states = Model::new(robot).layout().size().min(STATES);
-    let few = (FEW_SAMPLES * STATES * STATES / (states * states)).min(ENOUGH_SAMPLES);
-    let even = |samples: usize| base.series.spread(samples, WINDOWS);
-    let part = |samples: usize, windows: Option<Vec<Range<usize>>>| {
-        windows.map_or_else(|| base.series.clone(), |windows| base.series.excerpt_of(&windows, samples / WINDOWS))
-    };
-    let enough = bench(part(ENOUGH_SAMPLES, even(ENOUGH_SAMPLES)))?;
-    if even(ENOUGH_SAMPLES).is_none() {
-        return Ok([bench(part(few, even(few)))?, enough]);
-    }
-    let costs = enough.0.of_others(base.series.clone()).costs_as(&enough.1)?;
-    let elsewhere = |samples: usize| {
-        let (even, length) = (even(samples)?, samples / WINDOWS);
-        let ends = base.series.recordings.iter().map(|recording| recording.end);
-        let moving: Vec<Range<usize>> = base.series.moving(length).zip(ends).map(|(start, end)| start..end).collect();
-        let noise = 0.5 * base.series.channels.len() as f64;
-        windows::elsewhere(&even, length, &moving, (&costs, noise))
-    };
-    let Some(windows) = elsewhere(ENOUGH_SAMPLES) else { return Ok([bench(part(few, even(few)))?, enough]) };
-    tracing::debug!(?windows, "the samples that decide");
-    let few = bench(part(few, elsewhere(few).or_else(|| even(few))))?;
-    Ok([few, bench(part(ENOUGH_SAMPLES, Some(windows)))?])
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::effect::Size;
-    use crate::link;
-    use crate::simulate::{self, Direct, EffectChoice};
-
-    /// A robot whose belt jumps where windows that are spread evenly over seventy seconds do not look.
-    const JUMPS_BETWEEN: u64 = 1;
-
-    #[test]
-    fn what_explains_less_than_what_cannot_be_is_no_cause_either() {
-        let hysteresis = (&["belt_hysteresis"][..], 162.0);
-        assert!(stands_in((&["link_friction"], 60.0), hysteresis));
-        // As good as it, found beside it, nothing at all.
-        assert!(!stands_in((&["link_friction"], 150.0), hysteresis));
-        assert!(!stands_in((&["link_friction"], 60.0), (&["link_friction", "belt_hysteresis"], 162.0)));
-        assert!(!stands_in((&[], 0.0), hysteresis));
-    }
-
-    #[test]
-    fn the_samples_that_decide_hold_what_happens_once() {
-        let robot = Robot::builtin("doggy").unwrap();
-        let motion = firmware::motion::preset::calibration(&link::joint_limits(&robot));
-        let effects = vec![EffectChoice { effect: Effect::by_id("belt_tooth_skip").unwrap(), size: Size::Level(-1.0) }];
-        let options = simulate::Options { seed: JUMPS_BETWEEN, effects, ..simulate::Options::new(robot.clone()) };
-        let Direct { recording, effects, .. } = Direct::record(&options, &toml::to_string(&motion).unwrap()).unwrap();
-        let jump_s = effects[0].parameters.iter().find(|value| value.unit == "s").unwrap().value;
-        let settings = Settings::default();
-        let method = Method::suited(Preset::Default, &robot);
-        let base = fit(&robot, &[&recording], method, &settings, |_, _| {}).unwrap();
-        let holds = |series: &Series| {
-            let near = (0..series.stages()).filter(|k| (series.time_s(*k) - jump_s).abs() < 0.02).count();
-            near >= 20
-        };
-        let even = base.series.excerpt(ENOUGH_SAMPLES, WINDOWS).unwrap();
-        assert!(!holds(&even), "the jump at {jump_s} s is in the even windows: another seed");
-        let [(few, _), (bench, _)] = benches(&robot, &base, &settings).unwrap();
-        assert!(holds(few.series()) && holds(bench.series()), "{jump_s} s");
-        let ratio = bench.series().stages() as f64 / even.stages() as f64;
-        assert!((0.9..=1.0).contains(&ratio), "{ratio} times as many samples");
-    }
+    let states = Model::new(robot).layout().size();
+    let wanted = (samples_for(states, SAMPLES), BLOCKS, WORST_BLOCKS);
+    let costs = || base.costs(robot, &settings).ok();
+    let windows = blocks::blocks(&base.series, wanted, LEAST_BLOCK, costs);
+    let (series, starts, _) = base.series.select(&windows);
+    tracing::debug!(blocks = starts.len(), samples = series.stages(), "bench");
+    Bench::new(robot, (series, starts), base, noise, settings)
 }

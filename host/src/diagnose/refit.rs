@@ -4,7 +4,8 @@ use std::sync::Arc;
 
 use super::block_scores::left_out;
 use super::catalogue::{Named, laws};
-use crate::calibrate::{Bench, CalibrateError, Trial, Trimmed};
+use super::criteria::STATES;
+use crate::calibrate::{Bench, BlockFit, CalibrateError, Trial, Trimmed};
 use crate::model::law::Law;
 
 /// Iterations of a law, of one of an event, and of a model that lost one.
@@ -23,6 +24,10 @@ pub struct Fitted {
     pub own: Vec<f64>,
     /// Of each block: rows less states.
     pub freedom: Vec<f64>,
+    /// ln |H_xx| of all blocks together, which [`left_out`](Self::left_out) and [`own`](Self::own) have in them.
+    pub log_determinants: f64,
+    /// What the blocks say of its shared unknowns.
+    pub fit: BlockFit,
 }
 
 impl Fitted {
@@ -37,8 +42,10 @@ impl Fitted {
         Ok(Fitted {
             left_out: left_out.into_iter().zip(&fit.log_determinants).map(|(s, d)| with(s, d)).collect(),
             own: fit.blocks.iter().zip(&fit.log_determinants).map(|(b, d)| with(b.squares, d)).collect(),
-            freedom: fit.freedom,
+            freedom: fit.freedom.clone(),
+            log_determinants: fit.log_determinants.iter().sum(),
             trial,
+            fit,
         })
     }
 
@@ -46,6 +53,12 @@ impl Fitted {
     pub fn gains_over(&self, other: &Fitted) -> Vec<f64> {
         other.left_out.iter().zip(&self.left_out).map(|(other, own)| other - own).collect()
     }
+}
+
+/// As many samples as cost what `of_doggy` samples of a robot with [`STATES`] states do.
+pub fn samples_for(states: usize, of_doggy: usize) -> usize {
+    let states = states.min(STATES);
+    (of_doggy * STATES * STATES / (states * states).max(1)).min(2 * of_doggy)
 }
 
 /// On top of what laws are refitted, and where.
@@ -59,6 +72,11 @@ pub struct Refit<'a> {
 }
 
 impl Refit<'_> {
+    /// How many samples suit a robot with so many states.
+    pub fn samples(&self, of_doggy: usize) -> usize {
+        samples_for(self.bench.states(), of_doggy)
+    }
+
     /// The model of `current`, which has `accepted`, with one more law: searched from the law's start, and again with its corners where it has some. The one that predicts other
     /// blocks better; none where no search ends in numbers.
     pub fn with(&self, accepted: &[Named], current: &Fitted, named: &Named) -> Option<(Named, Fitted)> {

@@ -2,7 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::bootstrap::Gain;
+use super::interval::Gain;
+use super::stability::Stability;
 use crate::calibrate::{Calibration, ParameterEstimate};
 use crate::effect::Row;
 
@@ -10,9 +11,9 @@ use crate::effect::Row;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
-    /// Nothing that the data could show is wrong.
+    /// The base model fits: nothing that the data could show is wrong.
     None,
-    /// At least one cause is named.
+    /// At least one cause is supported by data that no fit has seen.
     Named,
     /// Something is wrong and no law of the catalogue explains it.
     Unknown,
@@ -27,8 +28,14 @@ pub struct Diagnosis {
     pub verdict: Verdict,
     /// The answer in one sentence.
     pub summary: String,
+    /// Whether the base model fits at all, and how far ahead it can see.
+    pub base_fit: BaseFit,
     /// What was accepted, in that order; each is in the extended model.
     pub findings: Vec<Finding>,
+    /// What looked like a cause and is none, with the reason.
+    pub rejected: Vec<Rejected>,
+    /// What all findings together bring on the motion that no fit has seen.
+    pub holdout_gain: Option<HoldoutGain>,
     /// What is left over.
     pub unexplained: Unexplained,
     /// What the data cannot show, whatever is wrong.
@@ -56,12 +63,26 @@ pub struct Finding {
     pub axes: Vec<usize>,
     /// Which equation it stands in.
     pub row: Row,
-    /// Twice the log-likelihood that it gains, refitted.
+    /// Twice the log-likelihood of other blocks that it gained when it came in.
     pub score: f64,
-    /// Share of noise that would bring any finding of the catalogue this far.
+    /// Share of worlds without any effect in which any law of the catalogue comes this far, by the scatter between blocks.
     pub p_value: f64,
-    /// Its share of what the base model leaves unexplained: what is lost when it alone is dropped.
+    /// Its share of what the base model leaves unexplained: what blocks lose out of sample when it alone is dropped.
     pub explained_excess: f64,
+    /// The same with its interval between blocks.
+    pub cv_gain: Gain,
+    /// What it brings on the motion that no fit has seen: the joint gain of all channels and horizons, against the model without it.
+    pub holdout_gain: Option<Gain>,
+    /// Its out-of-sample gain as a share of what it and the best curve on the same row gain together.
+    pub coverage: f64,
+    /// Whether blocks of time agree on its size.
+    pub stability: Option<Stability>,
+    /// Its weight among the laws that could stand for it.
+    pub weight: f64,
+    /// What a reader has to know beside the name.
+    pub flags: Vec<Flag>,
+    /// What it most likely is where its size is implausible.
+    pub acts_like: Option<String>,
     /// Whether less than a twentieth of its own part is left for a shapeless curve to explain.
     pub shape_final: bool,
     /// Its parameters.
@@ -74,6 +95,100 @@ pub struct Finding {
     pub gain: Vec<ChannelGain>,
 }
 
+/// What a reader has to know beside a name.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Flag {
+    /// A size is more than three standard deviations (on the logarithmic scale) beyond what is typical.
+    Implausible,
+    /// A size is at the end of what a robot can have.
+    AtBoundary,
+    /// It has parameters that are others in each recording.
+    OwnPhase,
+    /// It happened once: no other block can know of it.
+    SingleEvent,
+    /// Blocks of time do not agree on its size.
+    NotConstant,
+    /// A channel is predicted worse beside a joint gain.
+    ChannelWorse,
+    /// The other motion does not decide: the interval of its gain holds zero.
+    NotShownByHoldout,
+}
+
+/// Whether the base model fits.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct BaseFit {
+    /// Whether predictions are at the sensors' own noise, or nothing on any row gains anything out of sample.
+    pub fits: bool,
+    /// Of every channel, and of the steps of every state component that is estimated: χ² per degree of freedom of the base calibration.
+    pub chi2_per_dof: Vec<ChannelFit>,
+    /// Of every sensor: root mean square of predictions 500 ms ahead, in standard deviations of the sensor.
+    pub ahead_500ms_sigma: Vec<ChannelFit>,
+    /// Σ r² per degree of freedom of the blocks under the noise that the sensors have by themselves.
+    pub blocks_chi2_per_dof: f64,
+    /// In words.
+    pub sentence: String,
+}
+
+/// A figure of a channel.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ChannelFit {
+    /// The channel.
+    pub channel: String,
+    /// Its figure.
+    pub value: f64,
+}
+
+/// What looked like a cause and is none.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Rejected {
+    /// Id in the catalogue.
+    pub effect: String,
+    /// Joints.
+    pub axes: Vec<usize>,
+    /// Why it is none.
+    pub why: String,
+}
+
+/// The joint gain of all findings on the motion that no fit has seen.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct HoldoutGain {
+    /// Of all sensors and horizons.
+    #[serde(flatten)]
+    pub joint: Gain,
+    /// Of all sensors, by horizon.
+    pub by_horizon: Vec<HorizonGain>,
+    /// Errors over time, before and after, 500 ms ahead.
+    pub over_time: Vec<OverTime>,
+}
+
+/// The joint gain of all sensors over one horizon.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct HorizonGain {
+    /// How far ahead, s.
+    pub horizon_s: f64,
+    /// The gain.
+    #[serde(flatten)]
+    pub gain: Gain,
+}
+
+/// Measured against predicted half a second ahead, of one channel on the motion that no fit has seen.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct OverTime {
+    /// The channel.
+    pub channel: String,
+    /// Its unit.
+    pub unit: String,
+    /// When it was measured, s after the start.
+    pub t_s: Vec<f64>,
+    /// Measured.
+    pub measured: Vec<f64>,
+    /// Predicted by the base model.
+    pub base: Vec<f64>,
+    /// Predicted by the extended model.
+    pub extended: Vec<f64>,
+}
+
 /// A law that was tried in the place of a finding.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Rival {
@@ -81,8 +196,10 @@ pub struct Rival {
     pub effect: String,
     /// Joints.
     pub axes: Vec<usize>,
-    /// Twice the log-likelihood that it gains, refitted.
+    /// Twice the log-likelihood of other blocks that it gains, refitted.
     pub score: f64,
+    /// Its weight beside the finding's.
+    pub weight: f64,
 }
 
 /// The gain of predictions over one horizon on one channel.
@@ -92,9 +209,14 @@ pub struct ChannelGain {
     pub horizon_s: f64,
     /// Channel, or the sensor of several (`gyro2`).
     pub channel: String,
-    /// Errors before and after, in the channel's unit.
-    #[serde(flatten)]
-    pub gain: Gain,
+    /// Root mean square of the base model's errors, in the channel's unit.
+    pub rmse_base: f64,
+    /// Of the extended model's.
+    pub rmse_extended: f64,
+    /// 1 − extended / base.
+    pub gain: f64,
+    /// Its 95 % interval between blocks; none of too few.
+    pub ci95: Option<[f64; 2]>,
 }
 
 /// What the extended model leaves over.
@@ -120,7 +242,7 @@ pub struct Defect {
     pub share: f64,
 }
 
-/// A curve that the base model misses.
+/// A curve that the base model misses, as a torque or as what a sensor reads.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Picture {
     /// Which equation.
@@ -135,7 +257,7 @@ pub struct Picture {
     pub at: Vec<f64>,
     /// The torque that is missing there, N m (N), less its mean.
     pub torque: Vec<f64>,
-    /// Twice the log-likelihood that all joints' curves of this argument gain.
+    /// Twice the log-likelihood of other blocks that all joints' curves of this argument gain.
     pub score: f64,
 }
 
@@ -155,9 +277,11 @@ pub struct Candidate {
     pub effect: String,
     /// Joints.
     pub axes: Vec<usize>,
-    /// Twice the log-likelihood that it promises.
+    /// Twice the log-likelihood that its tangent promises.
     pub score: f64,
-    /// Share of noise that would bring any candidate this far.
+    /// The same of blocks by what the others say.
+    pub cv_score: f64,
+    /// Share of worlds without any effect in which any law comes this far, by the scatter between blocks.
     pub p_value: f64,
     /// By how much base parameters and states that follow reduce its information: 1 when it is independent of them.
     pub vif: Option<f64>,

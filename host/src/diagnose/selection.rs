@@ -173,8 +173,7 @@ pub fn select(
 
 fn scan(refit: &Refit<'_>, selection: &Selection, candidates: &[Candidate]) -> Result<Scan, CalibrateError> {
     let current = &selection.current.trial;
-    let states = refit.states();
-    let (bench, trial) = refit.bench.thinned(current, states.samples(SCAN_SAMPLES) / BLOCKS);
+    let (bench, trial) = refit.bench.thinned(current, refit.samples(SCAN_SAMPLES) / BLOCKS);
     let is_in = |effect: &Effect| selection.accepted.iter().any(|accepted| accepted.named.effect.id == effect.id);
     let mut named: Vec<Named> = Vec::new();
     for candidate in candidates.iter().filter(|candidate| !is_in(candidate.effect)) {

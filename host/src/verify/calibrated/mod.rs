@@ -8,7 +8,7 @@ pub use system::CalibratedSystem;
 use nalgebra::{Matrix3, Vector3};
 
 use super::VerifyError;
-use crate::calibrate::{Calibration, extension};
+use crate::calibrate::{Calibration, Preset, Trial, extension};
 use crate::model::fast::{Fast, StepQuads};
 use crate::model::rotation::boxplus;
 use crate::model::{Integrator, Linear, Model, SensorFrame, SensorLaws, StepSlopes, Stepper};
@@ -53,6 +53,21 @@ impl CalibratedModel {
         let integrator = extension::integrator(&laws, calibration.preset);
         let model = Model::extended(&robot, laws)?;
         Self::of_model(robot, model, integrator, value)
+    }
+
+    /// The model of a trial on a bench, with the biases of its first recording.
+    ///
+    /// # Errors
+    /// A model that cannot be built.
+    pub fn of_trial(robot: &Robot, preset: Preset, trial: &Trial) -> Result<Self, VerifyError> {
+        let model = Model::extended(robot, trial.laws.clone())?;
+        let value = |name: &str| trial.value(name).map(|value| value.estimate);
+        let (rotations, biases) = trial.gyros();
+        let integrator = extension::integrator(&trial.laws, preset);
+        let gyros = robot.gyros().count();
+        let of_gyros = |name: &str| (gyros > 0 && (name.starts_with("bias") || name.starts_with("R_imu"))).then_some(0.0);
+        let built = Self::of_model(robot.clone(), model, integrator, |name| value(name).or_else(|| of_gyros(name)))?;
+        Ok(Self { rotations: rotations.to_vec(), biases: biases.to_vec(), ..built })
     }
 
     /// `robot` with the values that `value` gives for the names of [`Robot::parameters`]; known parameters keep the

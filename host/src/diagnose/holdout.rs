@@ -1,0 +1,296 @@
+//! What models predict of a motion that no fit has seen, asked once, after the selection.
+//!
+//! ```text
+//!   windows of the other motion, 10, 100 and 500 ms ahead, both models from past readings only
+//!   joint gain = 1 − exp(½ mean ln(mse_extended / mse_base)) over all sensors and horizons        interval: blocks drawn whole, BCa
+//! ```
+//! A sensor counts with the logarithm of its error, as in a Gaussian predictive score with its scale estimated (Gneiting and Raftery 2007): none outweighs
+//! the others for its unit or its noise, and one that gets a little worse beside others that get much better does not decide.
+
+use super::axes::is_of;
+use super::interval::{Gain, bca};
+use super::result::{ChannelGain, HorizonGain, OverTime};
+use crate::calibrate::{Bench, CalibrateError, Series, Trial};
+use crate::effect::{Effect, Role};
+use crate::recording::Recording;
+use crate::robot::ChannelKind;
+use crate::verify::{CalibratedModel, VerifyError, Windows, windows};
+use solve::threads;
+
+/// Blocks of the other motion: a block is as long as the longest horizon that counts at least, s.
+const BLOCKS: f64 = 24.0;
+const LEAST_BLOCK_S: f64 = 0.5;
+/// Horizons up to this count for the joint gain, s: errors of longer ones are those of where a robot stops.
+const LONGEST_S: f64 = 0.6;
+/// The horizon that is shown over time, s.
+pub const SHOWN_S: f64 = 0.5;
+
+/// The predictions of one model of the other motion.
+pub struct Predicted {
+    windows: Vec<Windows>,
+}
+
+/// The other motion.
+pub struct Holdout<'a> {
+    recordings: Vec<&'a Recording>,
+    series: Vec<Series>,
+    threads: usize,
+}
+
+impl<'a> Holdout<'a> {
+    /// Of these recordings of the robot.
+    pub fn new(bench: &Bench<'_>, recordings: &[&'a Recording], threads: usize) -> Self {
+        let series = recordings.iter().map(|recording| Series::of(bench.robot(), &[recording]));
+        Holdout { series: series.collect(), recordings: recordings.to_vec(), threads }
+    }
+
+    /// What a trial predicts, with what is each recording's own set free: biases, zeros and what its laws have of their own in each recording.
+    ///
+    /// # Errors
+    /// As a calibration's or a verification's.
+    pub fn predict(&self, bench: &Bench<'_>, trial: &Trial, effects: &[&'static Effect]) -> Result<Predicted, HoldoutError> {
+        let is_own = |name: &str| {
+            let of_law = effects.iter().find(|effect| is_of(effect, name));
+            match of_law {
+                Some(effect) => effect.parameter(name).is_some_and(|p| p.role == Role::PerRecording),
+                None => name.starts_with("zero"),
+            }
+        };
+        let mut windows_of = Vec::new();
+        for (recording, series) in self.recordings.iter().zip(&self.series) {
+            let own = bench.of_others(series.clone()).with_own(trial, &is_own)?;
+            let model = CalibratedModel::of_trial(bench.robot(), bench.preset(), &own)?;
+            windows_of.push(windows(&model, recording)?);
+        }
+        Ok(Predicted { windows: windows_of.into_iter().flatten().collect() })
+    }
+
+    /// Both at once, on two threads where there are two.
+    ///
+    /// # Errors
+    /// As [`predict`](Self::predict).
+    pub fn predict_both(
+        &self,
+        bench: &Bench<'_>,
+        (base, extended): (&Trial, &Trial),
+        effects: &[&'static Effect],
+    ) -> Result<(Predicted, Predicted), HoldoutError> {
+        let (base, extended) =
+            threads::both(self.threads, || self.predict(bench, base, &[]), || self.predict(bench, extended, effects));
+        Ok((base?, extended?))
+    }
+
+    /// The joint gain of `extended` over `base`.
+    pub fn gain(&self, base: &Predicted, extended: &Predicted) -> Gain {
+        let cells = self.cells(base, extended, |horizon_s| horizon_s <= LONGEST_S);
+        joint(&cells)
+    }
+
+    /// The joint gain over each horizon.
+    pub fn by_horizon(&self, base: &Predicted, extended: &Predicted) -> Vec<HorizonGain> {
+        let mut horizons: Vec<f64> = base.windows.iter().map(|windows| windows.horizon_s).collect();
+        horizons.sort_by(f64::total_cmp);
+        horizons.dedup();
+        let of = |own_s: f64| HorizonGain {
+            horizon_s: own_s,
+            gain: joint(&self.cells(base, extended, |horizon_s| horizon_s == own_s)),
+        };
+        horizons.into_iter().map(of).collect()
+    }
+
+    /// The gain by horizon and sensor.
+    pub fn by_channel(&self, base: &Predicted, extended: &Predicted) -> Vec<ChannelGain> {
+        let cells = self.cells(base, extended, |_| true);
+        let of = |cell: &Cell| {
+            let whole = cell.sum(0..cell.blocks.len());
+            (whole[2] > 0.0 && whole[0] > 0.0).then(|| ChannelGain {
+                horizon_s: cell.horizon_s,
+                channel: cell.sensor.clone(),
+                rmse_base: (whole[0] / whole[2]).sqrt(),
+                rmse_extended: (whole[1] / whole[2]).sqrt(),
+                gain: 1.0 - (whole[1] / whole[0]).sqrt(),
+                ci95: bca(cell.blocks.len(), |blocks| {
+                    let sums = cell.sum(blocks);
+                    1.0 - (sums[1] / sums[0]).sqrt()
+                }),
+            })
+        };
+        cells.iter().filter_map(of).collect()
+    }
+
+    /// Root mean square of errors half a second ahead of every sensor, in its standard deviations.
+    pub fn ahead_sigma(&self, predicted: &Predicted) -> Vec<(String, f64)> {
+        let cells = self.cells(predicted, predicted, |horizon_s| (horizon_s - SHOWN_S).abs() < 1e-9);
+        let of = |cell: &Cell| {
+            let whole = cell.sum(0..cell.blocks.len());
+            (whole[2] > 0.0).then(|| (cell.sensor.clone(), (whole[0] / whole[2]).sqrt() / cell.sigma))
+        };
+        cells.iter().filter_map(of).collect()
+    }
+
+    /// Measured and predicted half a second ahead, of every channel of the first recording.
+    pub fn over_time(&self, base: &Predicted, extended: &Predicted) -> Vec<OverTime> {
+        let Some(recording) = self.recordings.first() else { return Vec::new() };
+        let shown = |windows: &&Windows| (windows.horizon_s - SHOWN_S).abs() < 1e-9;
+        let Some((base, extended)) = base.windows.iter().find(shown).zip(extended.windows.iter().find(shown)) else {
+            return Vec::new();
+        };
+        let pairs: Vec<(usize, usize)> = pairs(base, extended);
+        let end = |start: usize| {
+            let goal_s = recording.time_s(start) + SHOWN_S - 0.5 * recording.period_s;
+            (start..recording.len()).find(|k| recording.time_s(*k) >= goal_s)
+        };
+        let of_channel = |(channel, of): (usize, &crate::recording::Channel)| {
+            let mut shown = OverTime {
+                channel: of.spec.name.clone(),
+                unit: of.spec.unit.to_string(),
+                t_s: Vec::new(),
+                measured: Vec::new(),
+                base: Vec::new(),
+                extended: Vec::new(),
+            };
+            for (i, j) in &pairs {
+                let Some(k) = end(base.starts[*i]) else { continue };
+                let measured = of.values[k];
+                if !measured.is_finite() {
+                    continue;
+                }
+                shown.t_s.push(recording.time_s(k) - recording.time_s(0));
+                shown.measured.push(measured);
+                shown.base.push(measured - base.errors[channel][*i]);
+                shown.extended.push(measured - extended.errors[channel][*j]);
+            }
+            shown
+        };
+        recording.channels.iter().enumerate().map(of_channel).collect()
+    }
+
+    /// Squares of both models' errors by block, of every sensor and each horizon that counts.
+    fn cells(&self, base: &Predicted, extended: &Predicted, counts: impl Fn(f64) -> bool) -> Vec<Cell> {
+        let mut cells: Vec<Cell> = Vec::new();
+        let per_recording = base.windows.len() / self.recordings.len().max(1);
+        let mut first_block = 0;
+        for (number, recording) in self.recordings.iter().enumerate() {
+            let duration_s = recording.time_s(recording.len() - 1) - recording.time_s(0);
+            let block_s = (duration_s * self.recordings.len() as f64 / BLOCKS).max(LEAST_BLOCK_S);
+            let blocks = (duration_s / block_s) as usize + 1;
+            let sensors = sensors(recording);
+            let own = number * per_recording..(number + 1) * per_recording;
+            for (base, extended) in base.windows[own.clone()].iter().zip(&extended.windows[own]) {
+                if !counts(base.horizon_s) {
+                    continue;
+                }
+                let pairs = pairs(base, extended);
+                for (sensor, channels) in &sensors {
+                    let is_same = |cell: &&mut Cell| cell.sensor == *sensor && cell.horizon_s == base.horizon_s;
+                    let place = match cells.iter_mut().find(is_same) {
+                        Some(cell) => cell,
+                        None => {
+                            let sigma = recording.channels[channels[0]].spec.sigma;
+                            let horizon_s = base.horizon_s;
+                            cells.push(Cell { sensor: sensor.clone(), horizon_s, sigma, blocks: Vec::new() });
+                            let last = cells.len() - 1;
+                            &mut cells[last]
+                        }
+                    };
+                    place.blocks.resize(first_block + blocks, [0.0; 3]);
+                    for (i, j) in &pairs {
+                        let t_s = recording.time_s(base.starts[*i]) - recording.time_s(0);
+                        let block = first_block + ((t_s / block_s) as usize).min(blocks - 1);
+                        for channel in channels {
+                            let (a, b) = (base.errors[*channel][*i], extended.errors[*channel][*j]);
+                            if a.is_finite() && b.is_finite() {
+                                let sums = &mut place.blocks[block];
+                                *sums = [sums[0] + a * a, sums[1] + b * b, sums[2] + 1.0];
+                            }
+                        }
+                    }
+                }
+            }
+            first_block += blocks;
+        }
+        for cell in &mut cells {
+            cell.blocks.resize(first_block, [0.0; 3]);
+        }
+        // Blocks in which nothing was predicted are none.
+        let empty: Vec<bool> =
+            (0..first_block).map(|block| cells.iter().all(|cell| cell.blocks[block][2] == 0.0)).collect();
+        for cell in &mut cells {
+            let mut block = 0;
+            cell.blocks.retain(|_| {
+                block += 1;
+                !empty[block - 1]
+            });
+        }
+        cells
+    }
+}
+
+/// Why another motion cannot be predicted.
+#[derive(Debug, thiserror::Error)]
+pub enum HoldoutError {
+    /// What is its own cannot be fitted.
+    #[error(transparent)]
+    Calibrate(#[from] CalibrateError),
+    /// It cannot be predicted.
+    #[error(transparent)]
+    Verify(#[from] VerifyError),
+}
+
+/// One sensor over one horizon: squares of both models' errors and their number, by block.
+struct Cell {
+    sensor: String,
+    horizon_s: f64,
+    sigma: f64,
+    blocks: Vec<[f64; 3]>,
+}
+
+impl Cell {
+    fn sum(&self, blocks: impl Iterator<Item = usize>) -> [f64; 3] {
+        blocks.fold([0.0; 3], |sum, block| {
+            let own = self.blocks[block];
+            [sum[0] + own[0], sum[1] + own[1], sum[2] + own[2]]
+        })
+    }
+}
+
+fn joint(cells: &[Cell]) -> Gain {
+    let blocks = cells.first().map_or(0, |cell| cell.blocks.len());
+    let of = |blocks: &mut dyn Iterator<Item = usize>| {
+        let drawn: Vec<usize> = blocks.collect();
+        let (mut sum, mut count) = (0.0, 0);
+        for cell in cells {
+            let [base, extended, _] = cell.sum(drawn.iter().copied());
+            if base > 0.0 && extended > 0.0 {
+                sum += 0.5 * (extended / base).ln();
+                count += 1;
+            } else if extended.is_nan() {
+                sum = f64::NAN;
+            }
+        }
+        1.0 - (sum / f64::from(count.max(1))).exp()
+    };
+    Gain { share: of(&mut (0..blocks)), ci95: bca(blocks, of), blocks }
+}
+
+/// Places of the windows that both models have: either filter may have settled a little later.
+fn pairs(base: &Windows, extended: &Windows) -> Vec<(usize, usize)> {
+    let place = |k: &usize| extended.starts.binary_search(k).ok();
+    base.starts.iter().enumerate().filter_map(|(i, k)| Some((i, place(k)?))).collect()
+}
+
+/// Sensors with their channels.
+fn sensors(recording: &Recording) -> Vec<(String, Vec<usize>)> {
+    let mut sensors: Vec<(String, Vec<usize>)> = Vec::new();
+    for (channel, of) in recording.channels.iter().enumerate() {
+        let name = match of.spec.kind {
+            ChannelKind::GyroAxis { gyro, .. } => format!("gyro{}", gyro + 1),
+            _ => of.spec.name.clone(),
+        };
+        match sensors.iter_mut().find(|(other, _)| *other == name) {
+            Some((_, channels)) => channels.push(channel),
+            None => sensors.push((name, vec![channel])),
+        }
+    }
+    sensors
+}

@@ -1,0 +1,58 @@
+//! Whether sizes are such as robots have: standard deviations on the logarithmic scale beyond what is typical. A flag on a finding, never a reason to drop one.
+
+use super::axes::is_of;
+use crate::calibrate::{Bench, Trial};
+use crate::effect::{Effect, RobotScales};
+use crate::model::law::Law;
+
+/// The scales of a robot on its recording.
+#[derive(Debug, Clone)]
+pub struct Plausibility {
+    scales: RobotScales,
+}
+
+impl Plausibility {
+    /// From the base model's states and torques on the bench.
+    pub fn of(bench: &Bench<'_>, base: &Trial) -> Self {
+        let stages = bench.series().stages();
+        let rms = |value: &dyn Fn(usize) -> f64| {
+            let squares: f64 = (0..stages).map(|k| value(k).powi(2)).filter(|square| square.is_finite()).sum();
+            (squares / stages.max(1) as f64).sqrt()
+        };
+        let joints = 0..bench.series().joints();
+        let torque: Vec<f64> =
+            joints.clone().map(|joint| rms(&|k| bench.driving_torque(base, k, joint))).collect();
+        let speed: Vec<f64> = joints.map(|joint| rms(&|k| base.joint(k, joint).thetad)).collect();
+        let mut scales = RobotScales::of(bench.robot(), &torque, &speed);
+        for (joint, scales) in scales.joints.iter_mut().enumerate() {
+            let estimate = |symbol: &str| base.value(&format!("{symbol}[{}]", joint + 1)).map(|value| value.estimate.abs());
+            scales.friction = estimate("mu").unwrap_or(scales.friction);
+            scales.stiffness = estimate("k_s").unwrap_or(scales.stiffness);
+        }
+        Plausibility { scales }
+    }
+
+    /// Of a parameter of this effect.
+    pub fn of_value(&self, effect: &Effect, name: &str, value: f64) -> f64 {
+        effect.implausibility(name, value, &self.scales)
+    }
+
+    /// The largest of an effect's sizes in a trial. A shape alone makes nothing implausible: it is free where there is little of the effect.
+    pub fn of_law(&self, effect: &Effect, trial: &Trial) -> f64 {
+        let own = trial.values.iter().filter(|value| is_of(effect, &value.name));
+        let sizes = own.filter(|value| effect.parameter(&value.name).is_some_and(|p| p.role.is_size()));
+        sizes.map(|value| self.of_value(effect, &value.name, value.estimate)).fold(0.0, f64::max)
+    }
+
+    /// Whether a size of the law ends at, or beyond, the end of what a robot can have.
+    pub fn is_at_boundary(&self, effect: &Effect, law: &dyn Law, trial: &Trial) -> bool {
+        law.parameters().results.iter().any(|result| {
+            let is_size = effect.parameter(&result.name).is_some_and(|p| p.role.is_size());
+            let [low, high] = result.range;
+            let Some(value) = trial.value(&result.name).filter(|_| is_size) else { return false };
+            let error = value.std_error.unwrap_or(0.0);
+            value.estimate <= low + error.min(1e-6 * low.abs()) && low.is_finite()
+                || value.estimate >= high - error.min(1e-6 * high.abs()) && high.is_finite()
+        })
+    }
+}
