@@ -76,15 +76,23 @@ fn the_catalogue_is_printed_for_people_and_for_programs() {
             assert!(entry[key].as_str().is_some_and(|text| !text.is_empty()), "{key}: {entry}");
         }
         assert!(entry["confounded_with"].as_array().is_some_and(|names| !names.is_empty()), "{entry}");
-        assert!(entry["parameters"].as_array().unwrap().iter().all(|p| p["name"].is_string() && p["unit"].is_string()));
+        for key in ["parameters", "nuisances"] {
+            for parameter in entry[key].as_array().unwrap() {
+                let told = ["name", "unit", "sizes", "role"].iter().all(|key| parameter[key].is_string());
+                assert!(told && parameter.get("typical").is_some(), "{parameter}");
+            }
+        }
         assert!(listed.contains(entry["id"].as_str().unwrap()), "{entry}");
     }
 
     let output = host().args(["effects", "backlash", "--json"]).output().unwrap();
     let one: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     assert!(all.contains(&one) && one["parameters"][0]["name"] == "h[i]", "{one}");
+    let typical = serde_json::json!({ "median": 0.006, "decades": 0.5, "of": "radian" });
+    assert!(one["parameters"][0]["role"] == "size" && one["parameters"][0]["typical"] == typical, "{one}");
     let output = host().args(["effects", "backlash"]).output().unwrap();
-    assert!(text(&output.stdout).contains("At every reversal"), "{}", text(&output.stdout));
+    let printed = text(&output.stdout);
+    assert!(printed.contains("At every reversal") && printed.contains("size: 0.006 rad, ± 0.5 decades"), "{printed}");
 }
 
 #[test]

@@ -9,7 +9,7 @@
 use rand::Rng;
 
 use super::surrogate::{At, Hook, Law, Laws, Of, Parameters, Quantity, acts_on_joints, only};
-use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Row, Size, draw};
+use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Row, Scale, Size, draw};
 use crate::robot::{Robot, Symbol};
 
 pub(super) const EFFECT: Effect = Effect {
@@ -18,9 +18,14 @@ pub(super) const EFFECT: Effect = Effect {
     title: "friction that differs by direction",
     equation: "μ ± Δμ, v ± Δv by the sign of θ̇",
     parameters: &[
-        EffectParameter { name: "dmu[i]", unit: "N m", sizes: "8, 23, 60 % of μ (5 to 70 met), either sign" },
-        EffectParameter { name: "dv[i]", unit: "N m s/rad", sizes: "0.4, 1.2, 3 % of k_mi, either sign" },
+        EffectParameter::size("dmu[i]", "N m")
+            .typically(0.2, 0.45, Scale::Friction)
+            .sizes("8, 23, 60 % of μ (5 to 70 met), either sign"),
+        EffectParameter::size("dv[i]", "N m s/rad")
+            .typically(0.01, 0.6, Scale::TorqueRmsPerSpeed)
+            .sizes("0.4, 1.2, 3 % of k_mi, either sign"),
     ],
+    nuisances: &[],
     confounded_with: &["torque_offset", "gravity_residual", "belt_slack_side"],
     about: "Worm gears, brushes that lean, a seal with a lip. As long as the motor turns one way it is a constant torque; \
             at rest and at reversals it is not.",

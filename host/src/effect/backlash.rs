@@ -10,7 +10,7 @@
 use rand::Rng;
 
 use super::surrogate::{At, Hook, Law, Laws, Of, Parameters, Quantity, acts_on_joints, only};
-use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Row, Size, draw};
+use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Row, Scale, Size, draw};
 use crate::robot::Robot;
 
 pub(super) const EFFECT: Effect = Effect {
@@ -18,7 +18,10 @@ pub(super) const EFFECT: Effect = Effect {
     row: Row::Link,
     title: "free play in the transmission",
     equation: "τ_c = 0 inside ±h, k_s (q − θ ∓ h) + d_s (q̇ − θ̇) outside",
-    parameters: &[EffectParameter { name: "h[i]", unit: "rad", sizes: "half gap 2, 8, 20 mrad (1 to 30 met)" }],
+    parameters: &[EffectParameter::size("h[i]", "rad")
+        .typically(6e-3, 0.5, Scale::Radian)
+        .sizes("half gap 2, 8, 20 mrad (1 to 30 met)")],
+    nuisances: &[],
     confounded_with: &["belt_hardening", "belt_hysteresis", "k_s"],
     about: "Worn teeth or a slack belt leave a gap in which motor and link do not feel each other. At every reversal \
             the motor crosses it alone, then meets the link with a blow.",

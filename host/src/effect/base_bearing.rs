@@ -13,7 +13,7 @@ use std::f64::consts::TAU;
 use rand::{Rng, RngExt};
 
 use super::surrogate::{Law, Laws, Parameters, each, swinging};
-use super::{Effect, EffectError, EffectParameter, Hidden, PassiveJoint, Physics, Row, Size, TrueValue};
+use super::{Effect, EffectError, EffectParameter, Hidden, PassiveJoint, Physics, Row, Scale, Size, TrueValue};
 use crate::model::law;
 use crate::robot::{Robot, Vector3};
 
@@ -23,9 +23,14 @@ pub(super) const EFFECT: Effect = Effect {
     title: "flexible base bearing",
     equation: "passive joints about x, y of the base: τ = −k φ − d φ̇",
     parameters: &[
-        EffectParameter { name: "k[x,y]", unit: "N m/rad", sizes: "5.8, 4.4, 2.6 Hz of the robot on its bearing" },
-        EffectParameter { name: "d[x,y]", unit: "N m s/rad", sizes: "5 to 9 % of critical" },
+        EffectParameter::inverse_size("k[x,y]", "N m/rad")
+            .typically(650.0, 0.5, Scale::BaseInertia)
+            .sizes("5.8, 4.4, 2.6 Hz of the robot on its bearing"),
+        EffectParameter::shape("d[x,y]", "N m s/rad")
+            .typically(3.5, 0.5, Scale::BaseInertia)
+            .sizes("5 to 9 % of critical"),
     ],
+    nuisances: &[],
     confounded_with: &["k_s", "structure_mode"],
     about: "The bearing between base and robot gives way, so that the robot tilts when it accelerates sideways. Gyros \
             see the tilt as rates that no joint makes; a model with a rigid base packs it into the belts' stiffness.",
@@ -67,7 +72,7 @@ fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectEr
 }
 
 /// Inertia of the whole robot about x and y of the base, kg m².
-fn inertia(robot: &Robot) -> Result<[f64; 2], EffectError> {
+pub(super) fn inertia(robot: &Robot) -> Result<[f64; 2], EffectError> {
     let unsuited = |reason| EffectError::Unsuited { effect: EFFECT.id, reason };
     let tilting = robot
         .chain()

@@ -7,7 +7,7 @@
 use rand::Rng;
 
 use super::surrogate::{At, Hook, Law, Laws, Of, Parameters, Quantity, acts_on_joints, only};
-use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Row, Size, draw};
+use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Row, Scale, Size, draw};
 use crate::robot::{Robot, Symbol};
 
 pub(super) const EFFECT: Effect = Effect {
@@ -15,11 +15,10 @@ pub(super) const EFFECT: Effect = Effect {
     row: Row::Link,
     title: "belt that stiffens",
     equation: "τ_c + k₃ (q − θ)³",
-    parameters: &[EffectParameter {
-        name: "k3[i]",
-        unit: "N m/rad^3",
-        sizes: "10, 30, 90 % of k_s at a windup of 0.1 rad (10 to 100 met): 4000 to 36000 where k_s is 400",
-    }],
+    parameters: &[EffectParameter::size("k3[i]", "N m/rad^3")
+        .typically(0.25, 0.5, Scale::StiffnessPerWindupSquared)
+        .sizes("10, 30, 90 % of k_s at a windup of 0.1 rad (10 to 100 met): 4000 to 36000 where k_s is 400")],
+    nuisances: &[],
     confounded_with: &["backlash", "load_friction", "k_s"],
     about: "Fibres of a belt straighten, rubber is compressed: the last tenth of a degree costs more torque than the \
             first. Free play stiffens as well, but all at once and at a small windup.",

@@ -9,7 +9,7 @@
 use rand::{Rng, RngExt};
 
 use super::surrogate::{At, Hook, Law, Laws, Of, Parameters, Quantity, acts_on_joints, each};
-use super::{Effect, EffectError, EffectParameter, Hidden, Line, Moment, Physics, Row, Size, draw};
+use super::{Effect, EffectError, EffectParameter, Hidden, Line, Moment, Physics, Row, Scale, Size, draw};
 use crate::robot::{Robot, Symbol};
 
 pub(super) const EFFECT: Effect = Effect {
@@ -18,9 +18,12 @@ pub(super) const EFFECT: Effect = Effect {
     title: "viscoelastic belt",
     equation: "τ_c + f, ḟ = k₁ (q̇ − θ̇) − f/τ",
     parameters: &[
-        EffectParameter { name: "k1[i]", unit: "N m/rad", sizes: "12, 24, 43 % of k_s (10 to 50 met)" },
-        EffectParameter { name: "tau[i]", unit: "s", sizes: "6 to 80 ms (5 to 100 met)" },
+        EffectParameter::size("k1[i]", "N m/rad")
+            .typically(0.24, 0.35, Scale::Stiffness)
+            .sizes("12, 24, 43 % of k_s (10 to 50 met)"),
+        EffectParameter::shape("tau[i]", "s").typically(0.022, 0.45, Scale::Si).sizes("6 to 80 ms (5 to 100 met)"),
     ],
+    nuisances: &[],
     confounded_with: &["d_s", "k_s", "electrical_lag"],
     about: "Polymers relax: wound up quickly a belt is stiffer than wound up slowly, and it gives back less than it took. \
             Slower than τ the branch is soft, faster it is one more spring, between the two it damps.",

@@ -7,7 +7,7 @@
 use rand::Rng;
 
 use super::surrogate::{At, Hook, Law, Laws, Of, Parameters, Quantity, acts_on_joints, only};
-use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Row, Size, draw};
+use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Row, Scale, Size, draw};
 use crate::robot::Robot;
 
 pub(super) const EFFECT: Effect = Effect {
@@ -15,7 +15,10 @@ pub(super) const EFFECT: Effect = Effect {
     row: Row::Link,
     title: "belt stiffness that differs by direction",
     equation: "k_s (1 ± r) (q − θ)",
-    parameters: &[EffectParameter { name: "r[i]", unit: "1", sizes: "6, 13, 26 % (5 to 30 met), either sign" }],
+    parameters: &[EffectParameter::size("r[i]", "1")
+        .typically(0.13, 0.3, Scale::Si)
+        .sizes("6, 13, 26 % (5 to 30 met), either sign")],
+    nuisances: &[],
     confounded_with: &["asymmetric_friction", "belt_hardening"],
     about: "One strand of a belt is longer than the other, or its tensioner sits on one side: pulling one way meets a \
             stiffer spring than pulling the other way.",

@@ -10,7 +10,7 @@
 use rand::{Rng, RngExt};
 
 use super::surrogate::{Arc, At, Clues, Hook, JointClues, Law, Laws, Of, Parameters, Quantity, acts_on_joints, each};
-use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Row, Size, draw};
+use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Row, Scale, Size, draw};
 use crate::robot::Robot;
 
 pub(super) const EFFECT: Effect = Effect {
@@ -19,13 +19,12 @@ pub(super) const EFFECT: Effect = Effect {
     title: "the belt jumps a tooth",
     equation: "q − θ steps at one time",
     parameters: &[
-        EffectParameter {
-            name: "step[i]",
-            unit: "rad",
-            sizes: "15, 45, 125 mrad (10 to 150 met), either sign, on one joint",
-        },
-        EffectParameter { name: "t[i]", unit: "s", sizes: "5 to 18 s after the start of the motion" },
+        EffectParameter::size("step[i]", "rad")
+            .typically(0.04, 0.45, Scale::Radian)
+            .sizes("15, 45, 125 mrad (10 to 150 met), either sign, on one joint"),
+        EffectParameter::own_to_recording("t[i]", "s").sizes("5 to 18 s after the start of the motion"),
     ],
+    nuisances: &[EffectParameter::nuisance("width", "s").sizes("how long the law's jump takes")],
     confounded_with: &["encoder_lag", "encoder_eccentricity"],
     about: "An old or loose belt climbs over a tooth of its pulley under load. From then on the link stands beside where \
             its encoder says; a fault of that encoder would look the same if there were no gyro on the link.",

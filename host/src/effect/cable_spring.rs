@@ -7,7 +7,7 @@
 use rand::Rng;
 
 use super::surrogate::{At, Hook, Law, Laws, Of, Parameters, Quantity, acts_on_joints, only};
-use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Row, Size, draw};
+use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Row, Scale, Size, draw};
 use crate::robot::{Robot, Symbol};
 
 pub(super) const EFFECT: Effect = Effect {
@@ -15,11 +15,10 @@ pub(super) const EFFECT: Effect = Effect {
     row: Row::Link,
     title: "spring of cables or costume",
     equation: "k_c q on the link's row",
-    parameters: &[EffectParameter {
-        name: "k_c[i]",
-        unit: "N m/rad",
-        sizes: "0.6, 1.6, 4.4 where k_s is 400 (0.5 to 5 met)",
-    }],
+    parameters: &[EffectParameter::size("k_c[i]", "N m/rad")
+        .typically(0.04, 0.5, Scale::TorqueRmsPerRadian)
+        .sizes("0.6, 1.6, 4.4 where k_s is 400 (0.5 to 5 met)")],
+    nuisances: &[],
     confounded_with: &["gravity_residual"],
     about: "Cables that cross a joint are bent by it and push back, a costume is stretched. The robot is drawn to its \
             middle pose, on joints that feel no gravity as well.",

@@ -7,7 +7,7 @@
 use rand::{Rng, RngExt};
 
 use super::surrogate::{At, Hook, Law, Laws, Of, Parameters, Quantity, acts_on_joints, each};
-use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Row, Size, draw};
+use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Row, Scale, Size, draw};
 use crate::robot::Robot;
 
 pub(super) const EFFECT: Effect = Effect {
@@ -16,10 +16,13 @@ pub(super) const EFFECT: Effect = Effect {
     title: "torque ripple of the motors",
     equation: "τ_m + A sin(p n_G θ + φ)",
     parameters: &[
-        EffectParameter { name: "A[i]", unit: "N m", sizes: "0.12, 0.5, 1.7 N m (0.1 to 2 met)" },
-        EffectParameter { name: "p", unit: "1", sizes: "a whole number, 1 to 14" },
-        EffectParameter { name: "phi[i]", unit: "rad", sizes: "anywhere" },
+        EffectParameter::size("A[i]", "N m")
+            .typically(0.012, 0.5, Scale::TorqueRms)
+            .sizes("0.12, 0.5, 1.7 N m (0.1 to 2 met)"),
+        EffectParameter::shape("p", "1").sizes("a whole number, 1 to 14"),
+        EffectParameter::own_to_recording("phi[i]", "rad").sizes("anywhere"),
     ],
+    nuisances: &[],
     confounded_with: &["position_friction", "encoder_eccentricity"],
     about: "Magnets lock to teeth, commutators switch: the torque ripples some times a turn of the motor. In slow motion \
             the ripple can be followed; at speed it is faster than the sampling and folds back to other frequencies.",

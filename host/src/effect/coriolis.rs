@@ -7,7 +7,7 @@
 use rand::Rng;
 
 use super::surrogate::{Law, Laws, Of, Parameters, only};
-use super::{Effect, EffectError, EffectParameter, Hidden, Physics, Row, Size, draw};
+use super::{Effect, EffectError, EffectParameter, Hidden, Physics, Row, Scale, Size, draw};
 use crate::robot::Robot;
 
 pub(super) const EFFECT: Effect = Effect {
@@ -15,7 +15,10 @@ pub(super) const EFFECT: Effect = Effect {
     row: Row::Link,
     title: "Coriolis and centrifugal torques left out",
     equation: "scale · c(q, q̇) from M(q)",
-    parameters: &[EffectParameter { name: "scale", unit: "1", sizes: "1 by physics, whatever the size's name" }],
+    parameters: &[EffectParameter::size("scale", "1")
+        .typically(1.0, 0.1, Scale::Si)
+        .sizes("1 by physics, whatever the size's name")],
+    nuisances: &[],
     confounded_with: &["link_inertia"],
     about: "Joints that turn at the same time push one another. The paper drops these torques as hardly noticeable; in \
             its fast stage they are far above a gyro's noise. They need no parameter, only the switch.",

@@ -7,7 +7,7 @@
 use rand::Rng;
 
 use super::surrogate::{At, Hook, Law, Laws, Of, Parameters, Quantity, acts_on_joints, each};
-use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Row, Size, draw};
+use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Row, Scale, Size, draw};
 use crate::robot::Robot;
 
 pub(super) const EFFECT: Effect = Effect {
@@ -15,7 +15,10 @@ pub(super) const EFFECT: Effect = Effect {
     row: Row::Motor,
     title: "the motors' torque saturates",
     equation: "clip(τ_m, ±T)",
-    parameters: &[EffectParameter { name: "T", unit: "N m", sizes: "120, 90, 65 N m (60 to 130 met)" }],
+    parameters: &[EffectParameter::inverse_size("T", "N m")
+        .typically(2.0, 0.25, Scale::TorqueRms)
+        .sizes("120, 90, 65 N m (60 to 130 met)")],
+    nuisances: &[],
     confounded_with: &["voltage_sag", "k_pwm"],
     about: "Drivers protect themselves and the motor by a ceiling on the current. It acts where a motor starts or turns \
             round at full duty, and nowhere else; a sagging supply gives way everywhere in proportion.",

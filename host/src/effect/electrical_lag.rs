@@ -7,7 +7,7 @@
 use rand::Rng;
 
 use super::surrogate::{At, Hook, Law, Laws, Of, Parameters, Quantity, acts_on_joints, each};
-use super::{Effect, EffectError, EffectParameter, Hidden, Line, Moment, Physics, Row, Size, draw};
+use super::{Effect, EffectError, EffectParameter, Hidden, Line, Moment, Physics, Row, Scale, Size, draw};
 use crate::robot::Robot;
 
 pub(super) const EFFECT: Effect = Effect {
@@ -15,7 +15,10 @@ pub(super) const EFFECT: Effect = Effect {
     row: Row::Motor,
     title: "lag of the winding's current",
     equation: "T τ̇_m = (k_pwm U u − k_mi θ̇) − τ_m",
-    parameters: &[EffectParameter { name: "T", unit: "s", sizes: "0.6, 1.8, 4.3 ms (0.5 to 5 met)" }],
+    parameters: &[EffectParameter::size("T", "s")
+        .typically(1.6e-3, 0.45, Scale::Si)
+        .sizes("0.6, 1.8, 4.3 ms (0.5 to 5 met)")],
+    nuisances: &[],
     confounded_with: &["input_delay", "belt_hysteresis"],
     about: "A winding is a coil: the current follows the voltage with the time constant L/R. Unlike a dead time it lags \
             the back-EMF as well, and it rounds the edges of a step.",

@@ -7,7 +7,7 @@
 use rand::Rng;
 
 use super::surrogate::{Law, Laws, Of, Parameters, only};
-use super::{Effect, EffectError, EffectParameter, Hidden, Past, Physics, Row, Size, draw};
+use super::{Effect, EffectError, EffectParameter, Hidden, Past, Physics, Row, Scale, Size, draw};
 use crate::model::law::{Narrow, PositionAt};
 use crate::robot::chain::Arithmetic;
 use crate::robot::{Robot, Sensor, Side};
@@ -18,9 +18,12 @@ pub(super) const EFFECT: Effect = Effect {
     title: "once-per-turn error of the encoders",
     equation: "θ + e sin(θ + φ)",
     parameters: &[
-        EffectParameter { name: "e[i]", unit: "rad", sizes: "0.25, 0.7, 1.7 mrad (0.2 to 2 met)" },
-        EffectParameter { name: "phi[i]", unit: "rad", sizes: "anywhere" },
+        EffectParameter::size("e[i]", "rad")
+            .typically(0.65e-3, 0.5, Scale::Radian)
+            .sizes("0.25, 0.7, 1.7 mrad (0.2 to 2 met)"),
+        EffectParameter::own_to_recording("phi[i]", "rad").sizes("anywhere"),
     ],
+    nuisances: &[],
     confounded_with: &["cogging", "gyro_scale", "belt_tooth_skip"],
     about: "A disc that is not centred, or a pulley that is not round, makes the encoder run ahead on one half of the turn \
             and behind on the other. The gyros do not take part.",

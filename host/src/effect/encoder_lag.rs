@@ -7,7 +7,7 @@
 use rand::{Rng, RngExt};
 
 use super::surrogate::{Law, Laws, Of, Parameters, only};
-use super::{Effect, EffectError, EffectParameter, Hidden, Past, Physics, Row, Size, draw};
+use super::{Effect, EffectError, EffectParameter, Hidden, Past, Physics, Row, Scale, Size, draw};
 use crate::model::law::{Narrow, PositionAt};
 use crate::robot::{Robot, Sensor, Side};
 
@@ -16,7 +16,10 @@ pub(super) const EFFECT: Effect = Effect {
     row: Row::Sensor,
     title: "an encoder that reads late",
     equation: "θ(t − T), or q(t − T) on the link",
-    parameters: &[EffectParameter { name: "T[i]", unit: "s", sizes: "0.4, 1.3, 4.3 ms (0.3 to 5 met), on one joint" }],
+    parameters: &[EffectParameter::size("T[i]", "s")
+        .typically(1.3, 0.45, Scale::SamplePeriod)
+        .sizes("0.4, 1.3, 4.3 ms (0.3 to 5 met), on one joint")],
+    nuisances: &[],
     confounded_with: &["d_s", "k_s", "gyro_lag", "input_delay"],
     about: "An encoder on a bus, or one whose driver filters, tells where the joint was some milliseconds ago. Against \
             the gyros its motor lags, which a softer belt or a weaker damper does as well.",

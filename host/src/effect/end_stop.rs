@@ -10,7 +10,7 @@
 use rand::{Rng, RngExt};
 
 use super::surrogate::{Arc, At, Clues, Hook, JointClues, Law, Laws, Of, Parameters, Quantity, acts_on_joints, each};
-use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Row, Size, draw};
+use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Row, Scale, Size, draw};
 use crate::robot::{Robot, Symbol};
 
 pub(super) const EFFECT: Effect = Effect {
@@ -19,10 +19,13 @@ pub(super) const EFFECT: Effect = Effect {
     title: "contact at a joint's stop",
     equation: "k δ max(1 + λ δ̇, 0) at a depth of δ beyond q_max or q_min",
     parameters: &[
-        EffectParameter { name: "q_max[i]", unit: "rad", sizes: "68, 58, 47 % of the described limit" },
-        EffectParameter { name: "q_min[i]", unit: "rad", sizes: "as q_max, drawn for itself" },
-        EffectParameter { name: "k", unit: "N m/rad", sizes: "3 to 10 times the stiffest k_s" },
+        EffectParameter::inverse_size("q_max[i]", "rad").sizes("68, 58, 47 % of the described limit"),
+        EffectParameter::inverse_size("q_min[i]", "rad").sizes("as q_max, drawn for itself"),
+        EffectParameter::size("k", "N m/rad")
+            .typically(5.5, 0.6, Scale::Stiffness)
+            .sizes("3 to 10 times the stiffest k_s"),
     ],
+    nuisances: &[EffectParameter::nuisance("corner", "rad").sizes("over what the law rounds its corner")],
     confounded_with: &["belt_hardening"],
     about: "A stop of rubber or steel stands nearer than the description says, or something stands in the way. Nothing \
             shows until the link gets there; then it is thrown back.",

@@ -7,7 +7,7 @@
 use rand::{Rng, RngExt};
 
 use super::surrogate::{At, Hook, Law, Laws, Of, Parameters, Quantity, acts_on_joints, only};
-use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Row, Size, draw};
+use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Row, Scale, Size, draw};
 use crate::robot::Robot;
 
 pub(super) const EFFECT: Effect = Effect {
@@ -16,9 +16,10 @@ pub(super) const EFFECT: Effect = Effect {
     title: "friction falls as the robot warms up",
     equation: "μ (1 + a e^(−t/T)) sgn θ̇",
     parameters: &[
-        EffectParameter { name: "a[i]", unit: "1", sizes: "12, 22, 35 % (10 to 40 met)" },
-        EffectParameter { name: "T", unit: "s", sizes: "20 to 60 s" },
+        EffectParameter::size("a[i]", "1").typically(0.2, 0.3, Scale::Si).sizes("12, 22, 35 % (10 to 40 met)"),
+        EffectParameter::own_to_recording("T", "s").typically(35.0, 0.3, Scale::Si).sizes("20 to 60 s"),
     ],
+    nuisances: &[],
     confounded_with: &["mu", "gyro_bias_drift"],
     about: "Cold grease is stiff. Over the first minute the friction falls towards what it is in a warm robot, the μ of \
             the base model. A motion that does the same thing early and late shows it.",

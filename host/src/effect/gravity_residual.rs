@@ -9,7 +9,7 @@
 use rand::{Rng, RngExt};
 
 use super::surrogate::{At, Hook, Law, Laws, Of, Parameters, Quantity, acts_on_joints, only};
-use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Row, Size, draw};
+use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Row, Scale, Size, draw};
 use crate::robot::{GravityLoad, Robot};
 
 pub(super) const EFFECT: Effect = Effect {
@@ -18,9 +18,12 @@ pub(super) const EFFECT: Effect = Effect {
     title: "gravity that the counter-springs leave over",
     equation: "G sin(q + q₀) on the link's row",
     parameters: &[
-        EffectParameter { name: "G[i]", unit: "N m", sizes: "0.23, 0.75, 2.5 N m (0.2 to 3 met), either sign" },
-        EffectParameter { name: "q0[i]", unit: "rad", sizes: "within 0.3 rad" },
+        EffectParameter::size("G[i]", "N m")
+            .typically(0.02, 0.5, Scale::TorqueRms)
+            .sizes("0.23, 0.75, 2.5 N m (0.2 to 3 met), either sign"),
+        EffectParameter::shape("q0[i]", "rad").sizes("within 0.3 rad"),
     ],
+    nuisances: &[],
     confounded_with: &["cable_spring", "torque_offset"],
     about: "Springs that balance a link are set by hand, and a costume or a new head changes what they have to hold. \
             Within half a radian it is a spring; only the cubic term tells it from a cable's.",

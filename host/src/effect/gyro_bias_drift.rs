@@ -7,7 +7,7 @@
 use rand::{Rng, RngExt};
 
 use super::surrogate::{Law, Laws, Of, Parameters, Quantity, only};
-use super::{Effect, EffectError, EffectParameter, Hidden, Physics, Row, Size, draw};
+use super::{Effect, EffectError, EffectParameter, Hidden, Physics, Row, Scale, Size, draw};
 use crate::model::law::{Broad, GyroAt};
 use crate::robot::{Robot, Vector3};
 
@@ -17,13 +17,12 @@ pub(super) const EFFECT: Effect = Effect {
     title: "drift of the gyros' bias",
     equation: "bias + a (1 − e^(−t/T))",
     parameters: &[
-        EffectParameter {
-            name: "a[gyro.axis]",
-            unit: "rad/s",
-            sizes: "0.006, 0.016, 0.043 rad/s (0.005 to 0.05 met), either sign",
-        },
-        EffectParameter { name: "T", unit: "s", sizes: "10 to 60 s" },
+        EffectParameter::own_to_recording("a[gyro.axis]", "rad/s")
+            .typically(9.0, 0.5, Scale::GyroSigma)
+            .sizes("0.006, 0.016, 0.043 rad/s (0.005 to 0.05 met), either sign"),
+        EffectParameter::own_to_recording("T", "s").typically(25.0, 0.35, Scale::Si).sizes("10 to 60 s"),
     ],
+    nuisances: &[],
     confounded_with: &["bias", "friction_drift"],
     about: "The bias of a gyro depends on its temperature. What the first three seconds at rest say of it no longer holds \
             a minute later. The encoders do not drift along.",

@@ -7,7 +7,7 @@
 use rand::Rng;
 
 use super::surrogate::{Law, Laws, Of, Parameters, Quantity, each};
-use super::{Effect, EffectError, EffectParameter, Hidden, Physics, Row, Size, draw};
+use super::{Effect, EffectError, EffectParameter, Hidden, Physics, Row, Scale, Size, draw};
 use crate::model::law::{Broad, GyroAt};
 use crate::robot::{Robot, Vector3};
 
@@ -16,11 +16,10 @@ pub(super) const EFFECT: Effect = Effect {
     row: Row::Sensor,
     title: "gyro range exceeded",
     equation: "clip(ω, ±FS)",
-    parameters: &[EffectParameter {
-        name: "fs[gyro]",
-        unit: "rad/s",
-        sizes: "5.4, 4.9, 4.4 rad/s (250 deg/s and up met); Doggy turns at up to 6.5",
-    }],
+    parameters: &[EffectParameter::inverse_size("fs[gyro]", "rad/s")
+        .typically(8.7, 0.4, Scale::Si)
+        .sizes("5.4, 4.9, 4.4 rad/s (250 deg/s and up met); Doggy turns at up to 6.5")],
+    nuisances: &[],
     confounded_with: &["current_limit", "gyro_scale"],
     about: "A gyro set to a smaller range than its description says puts out its full scale while the robot turns faster. \
             Peaks are flat, and everything below them is as it should be.",

@@ -7,7 +7,7 @@
 use rand::Rng;
 
 use super::surrogate::{Law, Laws, Of, Parameters, each};
-use super::{Effect, EffectError, EffectParameter, Hidden, Line, Physics, Row, Size, draw};
+use super::{Effect, EffectError, EffectParameter, Hidden, Line, Physics, Row, Scale, Size, draw};
 use crate::robot::{Robot, Vector3};
 
 pub(super) const EFFECT: Effect = Effect {
@@ -15,7 +15,10 @@ pub(super) const EFFECT: Effect = Effect {
     row: Row::Sensor,
     title: "delay of the gyros' filters",
     equation: "T ω̇_f = ω − ω_f, the reading is ω_f",
-    parameters: &[EffectParameter { name: "T[gyro]", unit: "s", sizes: "0.5, 1.5, 4 ms (0.3 to 5 met)" }],
+    parameters: &[EffectParameter::size("T[gyro]", "s")
+        .typically(1.3e-3, 0.45, Scale::Si)
+        .sizes("0.5, 1.5, 4 ms (0.3 to 5 met)")],
+    nuisances: &[],
     confounded_with: &["encoder_lag", "input_delay"],
     about: "A gyro filters its signal before it is read; the lower the bandwidth, the later the reading. Against \
             encoders that are read at once the links seem to follow their motors late, like behind a softer belt.",

@@ -7,7 +7,7 @@
 use rand::Rng;
 
 use super::surrogate::{Law, Laws, Of, Parameters, only};
-use super::{Effect, EffectError, EffectParameter, Hidden, Physics, Row, Size, draw};
+use super::{Effect, EffectError, EffectParameter, Hidden, Physics, Row, Scale, Size, draw};
 use crate::model::law::{Broad, GyroAt};
 use crate::robot::{Robot, Vector3};
 
@@ -16,11 +16,10 @@ pub(super) const EFFECT: Effect = Effect {
     row: Row::Sensor,
     title: "scale error of the gyros",
     equation: "(I + A) ω",
-    parameters: &[EffectParameter {
-        name: "A[gyro.axis]",
-        unit: "1",
-        sizes: "0.6, 1.6, 4.3 % (0.5 to 5 met), either sign",
-    }],
+    parameters: &[EffectParameter::size("A[gyro.axis]", "1")
+        .typically(0.016, 0.4, Scale::Si)
+        .sizes("0.6, 1.6, 4.3 % (0.5 to 5 met), either sign")],
+    nuisances: &[],
     confounded_with: &["link_inertia", "R_imu"],
     about: "Cheap gyros are trimmed to a per cent or two. The encoders say how far the robot turned, the gyro's integral \
             says something else, in the same proportion slow or fast.",

@@ -9,7 +9,7 @@
 use rand::Rng;
 
 use super::surrogate::{At, Hook, Law, Laws, Of, Parameters, Quantity, acts_on_joints, only};
-use super::{Effect, EffectError, EffectParameter, Hidden, Past, Physics, Row, Size, draw};
+use super::{Effect, EffectError, EffectParameter, Hidden, Past, Physics, Row, Scale, Size, draw};
 use crate::robot::Robot;
 
 pub(super) const EFFECT: Effect = Effect {
@@ -17,7 +17,10 @@ pub(super) const EFFECT: Effect = Effect {
     row: Row::Timing,
     title: "the command reaches the motor late",
     equation: "u(t − T)",
-    parameters: &[EffectParameter { name: "T", unit: "s", sizes: "0.6, 1.8, 4.3 ms (0.5 to 5 met)" }],
+    parameters: &[EffectParameter::size("T", "s")
+        .typically(1.6, 0.45, Scale::SamplePeriod)
+        .sizes("0.6, 1.8, 4.3 ms (0.5 to 5 met)")],
+    nuisances: &[],
     confounded_with: &["electrical_lag", "encoder_lag", "gyro_lag", "integrator_error"],
     about: "A driver on a bus, a filtered PWM input or a second processor takes the command over only after some time. \
             Only the time between command and answer shows: sensors that all read late by as much look the same.",

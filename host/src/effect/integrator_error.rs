@@ -19,6 +19,7 @@ pub(super) const EFFECT: Effect = Effect {
     title: "integration in too coarse steps",
     equation: "x + T_s f(x, u): explicit Euler at the sample period",
     parameters: &[],
+    nuisances: &[],
     confounded_with: &["d_s", "stribeck", "input_delay"],
     about: "Explicit Euler is a damper of −k_s T_s on every belt, and at reversals of friction it looks like a Stribeck \
             bump or half a sample of delay. A simulator with a coarse step makes such recordings, whatever the size.",

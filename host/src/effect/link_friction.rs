@@ -7,7 +7,7 @@
 use rand::Rng;
 
 use super::surrogate::{At, Hook, Law, Laws, Of, Parameters, Quantity, acts_on_joints, only};
-use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Row, Size, draw};
+use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Row, Scale, Size, draw};
 use crate::robot::{Robot, Symbol};
 
 pub(super) const EFFECT: Effect = Effect {
@@ -16,9 +16,14 @@ pub(super) const EFFECT: Effect = Effect {
     title: "friction on the link's side",
     equation: "μ_l sgn q̇ + v_l q̇ on the link's row",
     parameters: &[
-        EffectParameter { name: "mu_l[i]", unit: "N m", sizes: "0.12, 0.4, 1.3 N m (0.1 to 1.6 met)" },
-        EffectParameter { name: "v_l[i]", unit: "N m s/rad", sizes: "0.12, 0.4, 1.3 N m s/rad (0.1 to 1.6 met)" },
+        EffectParameter::size("mu_l[i]", "N m")
+            .typically(0.01, 0.5, Scale::TorqueRms)
+            .sizes("0.12, 0.4, 1.3 N m (0.1 to 1.6 met)"),
+        EffectParameter::size("v_l[i]", "N m s/rad")
+            .typically(7.5e-3, 0.6, Scale::TorqueRmsPerSpeed)
+            .sizes("0.12, 0.4, 1.3 N m s/rad (0.1 to 1.6 met)"),
     ],
+    nuisances: &[],
     confounded_with: &["mu", "d_s", "quadratic_drag"],
     about: "The link turns in bearings of its own, behind the spring. In slow motion the motor feels them through the \
             belt as its own friction; when the belt swings, only the link's part damps the link.",

@@ -10,7 +10,7 @@
 use rand::Rng;
 
 use super::surrogate::{Law, Laws, Of, Parameters, only};
-use super::{Effect, EffectError, EffectParameter, Hidden, Physics, Row, Size, draw};
+use super::{Effect, EffectError, EffectParameter, Hidden, Physics, Row, Scale, Size, draw};
 use crate::model::law::Payload;
 use crate::robot::{Body, JointKind, Robot, Vector3};
 
@@ -19,11 +19,10 @@ pub(super) const EFFECT: Effect = Effect {
     row: Row::Link,
     title: "payload, or inertia other than in the drawings",
     equation: "J + m (p·p 1 − p pᵀ), a point mass at the head",
-    parameters: &[EffectParameter {
-        name: "m",
-        unit: "kg",
-        sizes: "23, 78, 200 g: 3, 10, 26 % of the outermost inertia (2 to 30 met)",
-    }],
+    parameters: &[EffectParameter::size("m", "kg")
+        .typically(0.07, 0.6, Scale::BodyMass)
+        .sizes("23, 78, 200 g: 3, 10, 26 % of the outermost inertia (2 to 30 met)")],
+    nuisances: &[],
     confounded_with: &["k_s", "coriolis", "gyro_scale"],
     about: "A costume, a camera, a head that is heavier than in the drawings. A common factor on all inertias would be a \
             common factor on stiffness and motor: only a change of shape shows.",

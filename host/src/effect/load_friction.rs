@@ -7,7 +7,7 @@
 use rand::Rng;
 
 use super::surrogate::{At, Hook, Law, Laws, Of, Parameters, Quantity, acts_on_joints, only};
-use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Row, Size, draw};
+use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Row, Scale, Size, draw};
 use crate::robot::{Robot, Symbol};
 
 pub(super) const EFFECT: Effect = Effect {
@@ -15,7 +15,10 @@ pub(super) const EFFECT: Effect = Effect {
     row: Row::Motor,
     title: "friction that grows with the load",
     equation: "μ (1 + a |τ_c|) sgn θ̇",
-    parameters: &[EffectParameter { name: "a[i]", unit: "1/(N m)", sizes: "0.6, 1.6, 4.3 % per N m (0.5 to 5 met)" }],
+    parameters: &[EffectParameter::size("a[i]", "1/(N m)")
+        .typically(0.6, 0.45, Scale::PerTorqueRms)
+        .sizes("0.6, 1.6, 4.3 % per N m (0.5 to 5 met)")],
+    nuisances: &[],
     confounded_with: &["k_pwm", "d_s", "belt_hardening"],
     about: "The torque that a belt carries also presses its pulleys into their bearings. An efficiency below one is this \
             effect; at constant acceleration it looks like a weaker motor.",

@@ -24,6 +24,7 @@ mod physics;
 mod surrogate;
 #[cfg(test)]
 mod tests;
+mod typical;
 
 mod asymmetric_friction;
 pub(crate) mod backlash;
@@ -64,6 +65,7 @@ pub(crate) mod voltage_sag;
 pub use error::EffectError;
 pub use past::Past;
 pub use physics::{Drive, Line, Moment, PassiveJoint, Physics, Structure};
+pub use typical::{EffectParameter, JointScales, RobotScales, Role, Scale, Typical};
 
 /// Every effect there is, in the order in which a plant asks them: along the line, and a delay before what it delays.
 pub const CATALOGUE: [&Effect; 35] = [
@@ -117,6 +119,8 @@ pub struct Effect {
     pub equation: &'static str,
     /// What it adds.
     pub parameters: &'static [EffectParameter],
+    /// What its laws tell besides; no plant has a truth for them.
+    pub nuisances: &'static [EffectParameter],
     /// What else looks like it: ids of the catalogue, and parameters of the base model.
     pub confounded_with: &'static [&'static str],
     /// One paragraph for people.
@@ -141,17 +145,6 @@ pub enum Row {
     Sensor,
     /// When something happens.
     Timing,
-}
-
-/// A parameter of an effect.
-#[derive(Debug, Serialize)]
-pub struct EffectParameter {
-    /// Name, as `k[x,y]`, `h[i]` (one a joint), `T[gyro]` or `a[gyro.axis]`.
-    pub name: &'static str,
-    /// Unit.
-    pub unit: &'static str,
-    /// The sizes called small, medium and large on Doggy, and the range met on real machines.
-    pub sizes: &'static str,
 }
 
 /// How strong an effect is.

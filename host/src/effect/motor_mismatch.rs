@@ -9,7 +9,7 @@
 use rand::{Rng, RngExt};
 
 use super::surrogate::{At, Differences, Hook, Law, Laws, Parameters, Quantity, acts_on_joints, only};
-use super::{Effect, EffectError, EffectParameter, Hidden, Physics, Row, Size, draw};
+use super::{Effect, EffectError, EffectParameter, Hidden, Physics, Row, Scale, Size, draw};
 use crate::robot::{Robot, Symbol};
 
 pub(super) const EFFECT: Effect = Effect {
@@ -18,10 +18,13 @@ pub(super) const EFFECT: Effect = Effect {
     title: "motors that are not identical",
     equation: "b (1 + db_i), k_pwm (1 + dk_pwm_i), k_mi (1 + dk_mi_i)",
     parameters: &[
-        EffectParameter { name: "db[i]", unit: "1", sizes: "largest 4, 8, 14 % (3 to 15 met), either sign, sum 0" },
-        EffectParameter { name: "dk_pwm[i]", unit: "1", sizes: "as db" },
-        EffectParameter { name: "dk_mi[i]", unit: "1", sizes: "as db" },
+        EffectParameter::size("db[i]", "1")
+            .typically(0.06, 0.4, Scale::Si)
+            .sizes("largest 4, 8, 14 % (3 to 15 met), either sign, sum 0"),
+        EffectParameter::size("dk_pwm[i]", "1").typically(0.06, 0.4, Scale::Si).sizes("as db"),
+        EffectParameter::size("dk_mi[i]", "1").typically(0.06, 0.4, Scale::Si).sizes("as db"),
     ],
+    nuisances: &[],
     confounded_with: &["viscous_friction", "link_inertia", "b", "k_pwm", "k_mi"],
     about: "Magnets and windings of one batch differ by some per cent, and so do the pulleys behind them. A model that \
             gives all motors one number averages over them.",

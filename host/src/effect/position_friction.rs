@@ -7,7 +7,7 @@
 use rand::Rng;
 
 use super::surrogate::{At, Hook, Law, Laws, Of, Parameters, Quantity, acts_on_joints, only};
-use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Row, Size, draw};
+use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Row, Scale, Size, draw};
 use crate::robot::Robot;
 
 pub(super) const EFFECT: Effect = Effect {
@@ -16,9 +16,10 @@ pub(super) const EFFECT: Effect = Effect {
     title: "friction that varies with the angle",
     equation: "μ (1 + a cos(θ − φ)) sgn θ̇",
     parameters: &[
-        EffectParameter { name: "a[i]", unit: "1", sizes: "6, 14, 26 % (5 to 30 met)" },
-        EffectParameter { name: "phi[i]", unit: "rad", sizes: "anywhere" },
+        EffectParameter::size("a[i]", "1").typically(0.13, 0.3, Scale::Si).sizes("6, 14, 26 % (5 to 30 met)"),
+        EffectParameter::own_to_recording("phi[i]", "rad").sizes("anywhere"),
     ],
+    nuisances: &[],
     confounded_with: &["mu", "cogging"],
     about: "A bent shaft, a pulley that is not round or a cable that rubs in one pose: friction is higher on one side of \
             the circle than on the other. Over a small range of motion it is a slope, not a wave.",

@@ -7,7 +7,7 @@
 use rand::Rng;
 
 use super::surrogate::{At, Hook, Law, Laws, Of, Parameters, Quantity, acts_on_joints, only};
-use super::{Effect, EffectError, EffectParameter, Hidden, Past, Physics, Row, Size, draw};
+use super::{Effect, EffectError, EffectParameter, Hidden, Past, Physics, Row, Scale, Size, draw};
 use crate::robot::{InputUnit, Robot};
 
 pub(super) const EFFECT: Effect = Effect {
@@ -15,11 +15,10 @@ pub(super) const EFFECT: Effect = Effect {
     row: Row::Motor,
     title: "dead zone of the motor driver",
     equation: "sgn u · max(|u| − d, 0)",
-    parameters: &[EffectParameter {
-        name: "d[i]",
-        unit: "1",
-        sizes: "0.004, 0.012, 0.04 of full duty (0.003 to 0.05 met)",
-    }],
+    parameters: &[EffectParameter::size("d[i]", "1")
+        .typically(0.012, 0.5, Scale::Si)
+        .sizes("0.004, 0.012, 0.04 of full duty (0.003 to 0.05 met)")],
+    nuisances: &[],
     confounded_with: &["mu", "k_pwm"],
     about: "The half bridges wait between switching one transistor off and the other on, and the shortest pulses vanish. \
             While a motor turns the way it is driven, this is Coulomb friction; only where it is driven against its \

@@ -7,7 +7,7 @@
 use rand::Rng;
 
 use super::surrogate::{At, Hook, Law, Laws, Of, Parameters, Quantity, acts_on_joints, only};
-use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Row, Size, draw};
+use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Row, Scale, Size, draw};
 use crate::robot::{Robot, Symbol};
 
 pub(super) const EFFECT: Effect = Effect {
@@ -15,7 +15,10 @@ pub(super) const EFFECT: Effect = Effect {
     row: Row::Link,
     title: "air drag of the links",
     equation: "c q̇ |q̇| on the link's row",
-    parameters: &[EffectParameter { name: "c[i]", unit: "N m s^2/rad^2", sizes: "0.06, 0.16, 0.43 (0.05 to 0.5 met)" }],
+    parameters: &[EffectParameter::size("c[i]", "N m s^2/rad^2")
+        .typically(2.2e-3, 0.6, Scale::TorqueRmsPerSpeedSquared)
+        .sizes("0.06, 0.16, 0.43 (0.05 to 0.5 met)")],
+    nuisances: &[],
     confounded_with: &["voltage_sag", "viscous_friction", "link_friction"],
     about: "Air resists with the square of the speed, a costume catches more of it. At the speeds of one stage it is \
             viscous friction; two stages of different speed separate them.",

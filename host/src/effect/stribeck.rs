@@ -14,7 +14,7 @@
 use rand::{Rng, RngExt};
 
 use super::surrogate::{Arc, At, Hook, Law, Laws, Of, Parameters, Quantity, acts_on_joints, each};
-use super::{Effect, EffectError, EffectParameter, Hidden, Line, Moment, Physics, Row, Size, draw};
+use super::{Effect, EffectError, EffectParameter, Hidden, Line, Moment, Physics, Row, Scale, Size, draw};
 use crate::robot::{JointKind, Robot, Symbol};
 
 pub(super) const EFFECT: Effect = Effect {
@@ -23,8 +23,15 @@ pub(super) const EFFECT: Effect = Effect {
     title: "stiction and Stribeck friction",
     equation: "(μ_s − μ) e^−(θ̇/v_s)² sgn θ̇",
     parameters: &[
-        EffectParameter { name: "dmu[i]", unit: "N m", sizes: "μ_s − μ of 20, 60, 160 % of μ (10 to 200 met)" },
-        EffectParameter { name: "v_s", unit: "rad/s", sizes: "0.03 to 0.2 (0.02 to 0.3 met)" },
+        EffectParameter::size("dmu[i]", "N m")
+            .typically(0.5, 0.5, Scale::Friction)
+            .sizes("μ_s − μ of 20, 60, 160 % of μ (10 to 200 met)"),
+        EffectParameter::shape("v_s", "rad/s")
+            .typically(0.08, 0.45, Scale::Radian)
+            .sizes("0.03 to 0.2 (0.02 to 0.3 met)"),
+    ],
+    nuisances: &[
+        EffectParameter::nuisance("bending[i]", "rad").sizes("how far bristles bend at μ: less than an encoder sees")
     ],
     confounded_with: &["mu", "integrator_error", "asymmetric_friction"],
     about: "At rest surfaces stick, and need more torque to come loose than to keep sliding. The friction falls while the \

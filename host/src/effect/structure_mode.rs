@@ -14,7 +14,7 @@ use std::f64::consts::TAU;
 use rand::{Rng, RngExt};
 
 use super::surrogate::{Law, Laws, Parameters, each, swinging};
-use super::{Effect, EffectError, EffectParameter, Hidden, PassiveJoint, Physics, Row, Size, Structure, draw};
+use super::{Effect, EffectError, EffectParameter, Hidden, PassiveJoint, Physics, Row, Scale, Size, Structure, draw};
 use crate::model::law;
 use crate::robot::{Body, Matrix3, Robot, Vector3};
 
@@ -24,13 +24,14 @@ pub(super) const EFFECT: Effect = Effect {
     title: "flexible rod or structure",
     equation: "passive joints about x, y after the last link: τ = −k φ − d φ̇",
     parameters: &[
-        EffectParameter {
-            name: "k[x,y]",
-            unit: "N m/rad",
-            sizes: "17, 11, 6 Hz of the outer half on a rod held still",
-        },
-        EffectParameter { name: "d[x,y]", unit: "N m s/rad", sizes: "1 to 8 % of critical" },
+        EffectParameter::inverse_size("k[x,y]", "N m/rad")
+            .typically(4500.0, 0.5, Scale::OuterInertia)
+            .sizes("17, 11, 6 Hz of the outer half on a rod held still"),
+        EffectParameter::shape("d[x,y]", "N m s/rad")
+            .typically(5.0, 0.5, Scale::OuterInertia)
+            .sizes("1 to 8 % of critical"),
     ],
+    nuisances: &[],
     confounded_with: &["base_bearing", "k_s"],
     about: "A rod of acrylic or a thin column bends when its head is accelerated. The gyro on the head sees it swing \
             after every step, the gyro below sees nothing of it: that tells it from a bearing under the robot.",
@@ -76,7 +77,7 @@ fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectEr
 }
 
 /// The part that gives way, the axes of its joints in the axes of the body, and its inertia about them, kg m².
-fn outer_part(robot: &Robot) -> Result<(Body, [Vector3; 2], [f64; 2]), EffectError> {
+pub(super) fn outer_part(robot: &Robot) -> Result<(Body, [Vector3; 2], [f64; 2]), EffectError> {
     let unsuited = |reason| EffectError::Unsuited { effect: EFFECT.id, reason };
     let last = robot.joints.last().ok_or_else(|| unsuited("the robot has no joint"))?;
     let outer = outer_half(&last.body);

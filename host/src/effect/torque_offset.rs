@@ -7,7 +7,7 @@
 use rand::Rng;
 
 use super::surrogate::{At, Hook, Law, Laws, Of, Parameters, Quantity, acts_on_joints, only};
-use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Row, Size, draw};
+use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Row, Scale, Size, draw};
 use crate::robot::Robot;
 
 pub(super) const EFFECT: Effect = Effect {
@@ -15,11 +15,10 @@ pub(super) const EFFECT: Effect = Effect {
     row: Row::Motor,
     title: "constant torque on the motors",
     equation: "τ_m + o",
-    parameters: &[EffectParameter {
-        name: "o[i]",
-        unit: "N m",
-        sizes: "0.12, 0.3, 0.85 N m (0.1 to 1 met), either sign",
-    }],
+    parameters: &[EffectParameter::size("o[i]", "N m")
+        .typically(0.008, 0.5, Scale::TorqueRms)
+        .sizes("0.12, 0.3, 0.85 N m (0.1 to 1 met), either sign")],
+    nuisances: &[],
     confounded_with: &["asymmetric_friction", "gravity_residual"],
     about: "A driver whose zero is off, or a spring that pulls on the motor's side. It pushes the same way whatever the \
             motor does: friction that differs by direction looks like it as long as the motor keeps turning.",

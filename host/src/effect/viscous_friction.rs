@@ -10,7 +10,7 @@
 use rand::{Rng, RngExt};
 
 use super::surrogate::{At, Differences, Hook, Law, Laws, Parameters, Quantity, acts_on_joints, only};
-use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Row, Size, draw};
+use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Row, Scale, Size, draw};
 use crate::robot::{Robot, Symbol};
 
 pub(super) const EFFECT: Effect = Effect {
@@ -18,11 +18,10 @@ pub(super) const EFFECT: Effect = Effect {
     row: Row::Motor,
     title: "viscous friction of the motors",
     equation: "τ_f + v θ̇",
-    parameters: &[EffectParameter {
-        name: "v[i]",
-        unit: "N m s/rad",
-        sizes: "about 0.6, 2.2, 7, from a quarter to seven quarters of it by joint (0.3 to 14 met)",
-    }],
+    parameters: &[EffectParameter::size("v[i]", "N m s/rad")
+        .typically(0.04, 0.6, Scale::TorqueRmsPerSpeed)
+        .sizes("about 0.6, 2.2, 7, from a quarter to seven quarters of it by joint (0.3 to 14 met)")],
+    nuisances: &[],
     confounded_with: &["k_mi", "motor_mismatch", "quadratic_drag"],
     about: "Grease and seals resist in proportion to speed, as the back-EMF does. What is common to all joints cannot be \
             told from k_mi by any motion; a joint whose grease is stiffer than the others' can.",

@@ -9,7 +9,7 @@
 use rand::Rng;
 
 use super::surrogate::{Law, Laws, Of, Parameters, Quantity, only};
-use super::{Drive, Effect, EffectError, EffectParameter, Hidden, Physics, Row, Size, TrueValue};
+use super::{Drive, Effect, EffectError, EffectParameter, Hidden, Physics, Row, Scale, Size, TrueValue};
 use crate::robot::chain::Lanes;
 use crate::robot::{InputUnit, Robot};
 
@@ -18,7 +18,10 @@ pub(super) const EFFECT: Effect = Effect {
     row: Row::Motor,
     title: "the supply sags with the power drawn",
     equation: "U = U_max − r Σ u_j τ_m,j, not above U_max",
-    parameters: &[EffectParameter { name: "r", unit: "V/(N m)", sizes: "0.005, 0.015, 0.04 (0.005 to 0.05 met)" }],
+    parameters: &[EffectParameter::size("r", "V/(N m)")
+        .typically(0.02, 0.5, Scale::SupplyPerTorqueRms)
+        .sizes("0.005, 0.015, 0.04 (0.005 to 0.05 met)")],
+    nuisances: &[],
     confounded_with: &["current_limit", "quadratic_drag"],
     about: "Cables, connectors and a small power supply have resistance. When all motors pull at once the voltage falls \
             and every motor has less torque than its duty promises. A diode keeps braking motors from lifting it. Motion of \

@@ -6,6 +6,7 @@ use rand_chacha::ChaCha8Rng;
 use super::*;
 
 mod laws;
+mod typical;
 
 fn doggy() -> Robot {
     Robot::builtin("doggy").unwrap()
@@ -31,7 +32,7 @@ fn doggy_can_have_every_effect_and_other_robots_say_why_not() {
     }
 }
 
-/// Every number is told under a name and unit of the catalogue, and none of the catalogue's is forgotten.
+/// Every number is told under a name and unit of the catalogue, and none of the catalogue's is forgotten but nuisances, which no plant has.
 #[test]
 fn truths_carry_the_catalogues_names_and_units() {
     for effect in CATALOGUE {
@@ -39,8 +40,9 @@ fn truths_carry_the_catalogues_names_and_units() {
         for value in &hidden.values {
             let symbol = value.name.strip_prefix(effect.id).and_then(|rest| rest.strip_prefix('.')).unwrap();
             let bare = symbol.split('[').next().unwrap();
-            let of_catalogue = effect.parameters.iter().find(|p| p.name.split('[').next() == Some(bare));
+            let of_catalogue = effect.parameter(&value.name);
             let parameter = of_catalogue.unwrap_or_else(|| panic!("{} is not in the catalogue", value.name));
+            assert!(effect.parameters.iter().any(|listed| std::ptr::eq(listed, parameter)), "{}", value.name);
             assert_eq!(parameter.unit, value.unit, "{}", value.name);
             assert_eq!(parameter.name.contains('['), symbol.contains('['), "{}", value.name);
             let index = symbol.strip_prefix(bare).unwrap().trim_matches(['[', ']']);
@@ -55,7 +57,8 @@ fn truths_carry_the_catalogues_names_and_units() {
             assert!(allowed.contains(&index), "{}", value.name);
         }
         for parameter in effect.parameters {
-            let bare = format!("{}.{}", effect.id, parameter.name.split('[').next().unwrap());
+            assert!(parameter.role != Role::Nuisance, "{}: {}", effect.id, parameter.name);
+            let bare = format!("{}.{}", effect.id, parameter.symbol());
             assert!(hidden.values.iter().any(|v| v.name.split('[').next() == Some(&bare)), "{bare} has no truth");
         }
     }
