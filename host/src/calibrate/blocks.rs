@@ -16,7 +16,6 @@ use super::problem::Problem;
 use super::scores::Asked;
 use super::trial::Trial;
 use crate::model::Model;
-use solve::LeastSquares;
 use solve::border::Border;
 use solve::columns::{BlockSums, Entries, ExtraColumns, block_sums};
 use solve::factor::Factor;

@@ -86,7 +86,7 @@ pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
     ui.say("4. Calibrating, and looking for what the model lacks");
     let progress = ui.busy("calibrating");
     let diagnosis =
-        diagnose(&robot, &calibration_run, Some(&validation_run), &How::default(), &|step| progress.stage(step))
+        diagnose(&robot, &[&calibration_run], Some(&validation_run), &How::default(), &|step| progress.stage(step))
             .map_err(diagnose_failure)?;
     drop(progress);
     let calibration = &diagnosis.extended;

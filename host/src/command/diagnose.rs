@@ -3,21 +3,21 @@
 use std::path::PathBuf;
 
 use super::calibrate::calibrate_failure;
-use super::verify::verify_failure;
 use super::{Exit, Failure, FitnessArgs, ResultArgs, Ui, read_failure, robot_failure};
-use crate::diagnose::{self, DiagnoseError, Diagnosis, Options, Verdict};
+use crate::diagnose::{self, DiagnoseError, Diagnosis, Gain, Options, Verdict};
 use crate::robot::Robot;
+use crate::recording::Recording;
 use crate::{recording, report};
 
 /// Show what the model gets wrong, name the cause, measure what knowing it brings
 ///
-/// Calibrates the base model, tries every effect of the catalogue on what it leaves unexplained, and holds the best name against curves
-/// without a shape. The gain is measured on a second recording, or on the last third of the first.
+/// Calibrates the base model, says whether it fits, and tries every effect of the catalogue on what it leaves unexplained. What predicts blocks of time that no
+/// fit has seen is named. The gain is measured on another motion, or on the last third of each recording.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// The recording to explain
-    #[arg(value_name = "RUN")]
-    recording: PathBuf,
+    /// The recordings to explain, of one robot
+    #[arg(value_name = "RUN", required = true)]
+    recordings: Vec<PathBuf>,
     /// Another motion of the same robot, to measure the gain on
     #[arg(long, value_name = "RUN2")]
     holdout: Option<PathBuf>,
@@ -37,15 +37,17 @@ pub struct Args {
 pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
     let outputs = args.result.claim()?;
     let other = args.robot.as_deref().map(Robot::load).transpose().map_err(robot_failure)?;
-    let run = recording::read(&args.recording).map_err(read_failure)?;
+    let runs: Vec<Recording> = args.recordings.iter().map(|path| recording::read(path)).collect::<Result<_, _>>().map_err(read_failure)?;
     let holdout = args.holdout.as_deref().map(recording::read).transpose().map_err(read_failure)?;
-    for recording in [&run].into_iter().chain(&holdout) {
+    for recording in runs.iter().chain(&holdout) {
         args.fitness.look(recording, recording.source.path.display(), ui)?;
     }
-    let robot = other.unwrap_or_else(|| run.robot.clone());
+    let robot = other.or_else(|| runs.first().map(|run| run.robot.clone()));
+    let robot = robot.ok_or_else(|| Failure::usage("no recording was given"))?;
     let progress = ui.busy("reading");
     let options = Options { without: args.without, ..Options::default() };
-    let diagnosis = diagnose::diagnose(&robot, &run, holdout.as_ref(), &options, &|step| progress.stage(step))
+    let runs: Vec<&Recording> = runs.iter().collect();
+    let diagnosis = diagnose::diagnose(&robot, &runs, holdout.as_ref(), &options, &|step| progress.stage(step))
         .map_err(diagnose_failure)?;
     drop(progress);
     print(ui, &diagnosis);
@@ -67,7 +69,6 @@ fn exit(verdict: Verdict) -> Exit {
 pub(super) fn diagnose_failure(error: DiagnoseError) -> Failure {
     match error {
         DiagnoseError::Calibrate(error) => calibrate_failure(error),
-        DiagnoseError::Verify(error) => verify_failure(error),
         DiagnoseError::Effect(error) => Failure::usage(error).advice("`host effects` prints the catalogue"),
     }
 }
@@ -77,29 +78,46 @@ pub(super) fn print(ui: &Ui, diagnosis: &Diagnosis) {
     ui.say(&diagnosis.summary);
     for finding in &diagnosis.findings {
         ui.say(format_args!(
-            "{}: {:.0} % of what the base model leaves unexplained, p {:.1e}",
+            "{}: {} of what the base model leaves unexplained, p {:.1e}{}",
             finding.effect,
-            100.0 * finding.explained_excess,
-            finding.p_value
+            gain_in_words(&finding.cv_gain),
+            finding.p_value,
+            finding.holdout_gain.as_ref().map_or_else(String::new, |gain| {
+                format!("; on the other motion the error is {} less", gain_in_words(gain))
+            })
         ));
         for p in &finding.parameters {
             let error = p.std_error.map_or_else(String::new, |error| format!(" ± {error:.2e}"));
             ui.say(format_args!("    {:<28} {:>12.6}{error} {}", p.name, p.estimate, p.unit));
         }
+        if let Some(acts_like) = &finding.acts_like {
+            ui.say(format_args!("    {acts_like}"));
+        }
+        if !finding.flags.is_empty() {
+            let flags: Vec<&str> = finding.flags.iter().map(|flag| flag.words()).collect();
+            ui.say(format_args!("    {}", flags.join("; ")));
+        }
         if !finding.aliases.is_empty() {
             ui.say(format_args!("    this motion cannot tell it from {}", finding.aliases.join(", ")));
         }
     }
+    for rejected in &diagnosis.rejected {
+        ui.say(format_args!("rejected: {}: {}", rejected.effect, rejected.why));
+    }
+    if let Some(all) = &diagnosis.holdout_gain {
+        for horizon in &all.by_horizon {
+            ui.say(format_args!("all sensors, {:>5} s ahead on the other motion: error {} less", horizon.horizon_s, gain_in_words(&horizon.gain)));
+        }
+    }
     if let Some(finding) = diagnosis.findings.first() {
         for gain in finding.gain.iter().filter(|gain| gain.horizon_s == 0.5) {
+            let interval = gain.ci95.map_or_else(String::new, |[low, high]| format!(" [{:.0}, {:.0}]", 100.0 * low, 100.0 * high));
             ui.say(format_args!(
-                "    error 500 ms ahead, {:<18} {:.3e} before, {:.3e} after: {:.0} % less [{:.0}, {:.0}]",
+                "    error 500 ms ahead, {:<18} {:.3e} before, {:.3e} after: {:.0} % less{interval}",
                 gain.channel,
-                gain.gain.rmse_base,
-                gain.gain.rmse_extended,
-                100.0 * gain.gain.gain,
-                100.0 * gain.gain.ci95[0],
-                100.0 * gain.gain.ci95[1]
+                gain.rmse_base,
+                gain.rmse_extended,
+                100.0 * gain.gain,
             ));
         }
     }
@@ -111,4 +129,10 @@ pub(super) fn print(ui: &Ui, diagnosis: &Diagnosis) {
             defect.argument.replace('_', " ")
         ));
     }
+}
+
+/// A share with its interval, in per cent.
+fn gain_in_words(gain: &Gain) -> String {
+    let interval = gain.ci95.map_or_else(String::new, |[low, high]| format!(" [{:.0}, {:.0}]", 100.0 * low, 100.0 * high));
+    format!("{:.0} %{interval}", 100.0 * gain.share)
 }

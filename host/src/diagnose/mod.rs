@@ -45,7 +45,7 @@ use criteria::{BLOCKS, LEAST_BLOCK, SAMPLES, WORST_BLOCKS};
 use holdout::Holdout;
 use plausibility::Plausibility;
 use refit::{Fitted, Refit, samples_for};
-use report::{Evidence, Judged};
+use report::Evidence;
 use selection::Selection;
 
 use crate::calibrate::{Bench, CalibrateError, Fit, Method, Preset, Trial, extend_as, fit};

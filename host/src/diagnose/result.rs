@@ -115,6 +115,21 @@ pub enum Flag {
     NotShownByHoldout,
 }
 
+impl Flag {
+    /// In words.
+    pub fn words(self) -> &'static str {
+        match self {
+            Flag::Implausible => "its size is implausible",
+            Flag::AtBoundary => "its size is at the end of what a robot can have",
+            Flag::OwnPhase => "it has parameters that are others in each recording",
+            Flag::SingleEvent => "it happened once, so that no other part of the recording can confirm it",
+            Flag::NotConstant => "parts of the recording do not agree on its size",
+            Flag::ChannelWorse => "some sensor is predicted worse beside the joint gain",
+            Flag::NotShownByHoldout => "the other motion does not confirm it",
+        }
+    }
+}
+
 /// Whether the base model fits.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct BaseFit {

@@ -85,7 +85,7 @@ impl Scale {
         match self {
             Scale::Si | Scale::Radian => "",
             Scale::TorqueRms => "torque RMS",
-            Scale::PerTorqueRms => "1 / torque RMS",
+            Scale::PerTorqueRms => "1/(torque RMS)",
             Scale::TorqueRmsPerRadian => "torque RMS / rad",
             Scale::TorqueRmsPerSpeed => "torque RMS / speed RMS",
             Scale::TorqueRmsPerSpeedSquared => "torque RMS / (speed RMS)²",

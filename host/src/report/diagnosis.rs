@@ -96,24 +96,25 @@ fn gain(diagnosis: &Diagnosis) -> Section {
         .numbers("95 % interval", "");
     let mut chart = BarChart::new("share of the error that is gone, 500 ms ahead");
     for entry in &finding.gain {
-        let gain = &entry.gain;
-        let tone = if gain.ci95[0] > 0.0 {
-            Tone::Good
-        } else if gain.ci95[1] < 0.0 {
-            Tone::Bad
-        } else {
-            Tone::Plain
+        let tone = match entry.ci95 {
+            Some([low, _]) if low > 0.0 => Tone::Good,
+            Some([_, high]) if high < 0.0 => Tone::Bad,
+            _ => Tone::Plain,
         };
         table.row([
             entry.channel.as_str().into(),
             seconds(entry.horizon_s).into(),
-            significant(gain.rmse_base, 3).into(),
-            significant(gain.rmse_extended, 3).into(),
-            Cell::toned(percent(gain.gain), tone),
-            format!("{} … {}", percent(gain.ci95[0]), percent(gain.ci95[1])).into(),
+            significant(entry.rmse_base, 3).into(),
+            significant(entry.rmse_extended, 3).into(),
+            Cell::toned(percent(entry.gain), tone),
+            entry.ci95.map_or_else(String::new, |[low, high]| format!("{} … {}", percent(low), percent(high))).into(),
         ]);
         if entry.horizon_s == 0.5 {
-            chart = chart.bar(Bar::new(&entry.channel, gain.gain).interval(gain.ci95[0], gain.ci95[1]).tone(tone));
+            let bar = Bar::new(&entry.channel, entry.gain).tone(tone);
+            chart = chart.bar(match entry.ci95 {
+                Some([low, high]) => bar.interval(low, high),
+                None => bar,
+            });
         }
     }
     section.bars("Half a second ahead", &chart);

@@ -38,6 +38,7 @@ pub use result::{
     FilterResult, FirstState, FreeRunResult, HorizonResult, RecordingVerified, StageResult, Verification,
 };
 pub use traces::Traces;
+pub use window::Windows;
 
 use std::ops::Range;
 

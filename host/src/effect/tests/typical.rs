@@ -41,11 +41,9 @@ fn every_result_of_every_law_has_a_role() {
         for result in &parameters.results {
             let parameter = effect.parameter(&result.name);
             let parameter = parameter.unwrap_or_else(|| panic!("{} is not in the catalogue", result.name));
-            let slides = robot.joints.iter().all(|joint| unit_at(joint.kind, "rad/s") == "m/s");
             let at_any_joint = |unit| robot.joints.iter().map(move |joint| unit_at(joint.kind, unit));
             let fits = result.unit == parameter.unit || at_any_joint(parameter.unit).any(|unit| unit == result.unit);
             assert!(fits, "{} in {}", result.name, result.unit);
-            assert!(result.name != "stribeck.v_s" || (result.unit == "m/s") == slides);
         }
     };
     let mut laws = 0;
@@ -242,7 +240,7 @@ fn scales_follow_from_the_robot_and_its_motion() {
     assert_eq!(of(Scale::TorqueRms, Of::All), Some(45.0));
     assert_eq!(of(Scale::TorqueRms, Of::Joint(3)), None);
     assert_eq!(of(Scale::SupplyPerTorqueRms, Of::All), Some(32.0 / 45.0));
-    assert_eq!(of(Scale::BodyMass, Of::All), Some(1.315), "a tenth of the moving mass");
+    assert!((of(Scale::BodyMass, Of::All).unwrap() - 1.315).abs() < 1e-12, "a tenth of the moving mass");
     assert_eq!(of(Scale::Friction, Of::Joint(0)), Some(2.0));
     assert_eq!(of(Scale::Stiffness, Of::All), Some(600.0));
     assert_eq!(of(Scale::GyroSigma, Of::GyroAxis(1, 2)), Some(1.745e-3));
@@ -256,7 +254,8 @@ fn scales_follow_from_the_robot_and_its_motion() {
     assert_eq!(implausibility("belt_hysteresis.k1[1]", 1e30, &emps), 0.0);
 
     let without_friction = RobotScales { joints: vec![JointScales { friction: 0.0, ..scales.joints[0] }], ..scales };
-    assert_eq!(without_friction.scale(Scale::Friction, Of::Joint(0)), Some(0.9), "2 % of the torque RMS");
+    let friction = without_friction.scale(Scale::Friction, Of::Joint(0)).unwrap();
+    assert!((friction - 0.9).abs() < 1e-12, "2 % of the torque RMS");
     let at_rest = RobotScales::of(&doggy(), &[0.0; 3], &[0.0; 3]);
     assert_eq!(at_rest.scale(Scale::TorqueRmsPerSpeed, Of::Joint(0)), None);
     assert_eq!(implausibility("cogging.A[1]", 1e9, &at_rest), 0.0);
