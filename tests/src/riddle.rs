@@ -91,7 +91,7 @@ impl OnBearing {
     /// If the recording cannot be diagnosed.
     pub fn diagnosed(&self, another: &Recording) -> Diagnosis {
         let options = diagnose::Options::default();
-        diagnose(&self.options.robot, &self.recorded.recording, Some(another), &options, &|_| {})
+        diagnose(&self.options.robot, &[&self.recorded.recording], Some(another), &options, &|_| {})
             .unwrap_or_else(|error| panic!("{error}"))
     }
 }

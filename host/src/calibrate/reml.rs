@@ -210,8 +210,10 @@ pub(super) fn estimate<'m>(
         let lowest: Vec<f64> = floor.channels.iter().chain(&floor.process).copied().collect();
         let present: Vec<f64> = problem.noise().channels.iter().chain(&problem.noise().process).copied().collect();
         let slope = DVector::from_fn(dof.len(), |g, _| 0.5 * (squares[g] - dof[g]));
+        // The noise of states that a law brings is its physics'; estimated, it would be a free disturbance.
+        let is_own = |g: usize| g >= channels && problem.model.layout().own().contains(&(g - channels));
         let free: Vec<usize> = (0..dof.len())
-            .filter(|&g| grouped.rows[g] > 0 && (present[g] > 1.001 * lowest[g] || slope[g] > 0.0))
+            .filter(|&g| grouped.rows[g] > 0 && !is_own(g) && (present[g] > 1.001 * lowest[g] || slope[g] > 0.0))
             .collect();
         let newton = newton(&free, &slope, &(0.5 * information), &dof);
         let mut next = present.clone();

@@ -10,7 +10,7 @@ use std::ops::Range;
 use crate::calibrate::Series;
 
 /// A recording of up to so many times the samples is looked at whole.
-const WHOLE: usize = 3;
+const WHOLE: usize = 2;
 
 /// Blocks of about `samples` in all, in order and apart, each within one recording. `cost` gives what every sample of the series costs the base model; it is asked
 /// only where the series is too long to be looked at whole.

@@ -31,11 +31,20 @@ pub const REFITTED: usize = 4;
 /// See [`REFITTED`].
 pub const COLLINEAR_REFITTED: usize = 3;
 
+/// A law whose tangent gains less than this share of the best one's waits for the next round.
+pub const PROMISING: f64 = 0.05;
+
 /// |cos| of projected columns from which on two laws may stand for each other.
 pub const COLLINEAR: f64 = 0.9;
 
 /// An addition gains at least this share of what the model leaves unexplained.
 pub const LEAST_SHARE: f64 = 0.02;
+
+/// And this share of what the base model leaves unexplained: the shape of a large effect's law is never quite the robot's, and what that leaves is no cause of its own.
+pub const LEAST_SHARE_OF_ALL: f64 = 0.003;
+
+/// Rivals whose gains differ by less than this share are told apart by plausibility and parsimony.
+pub const RIVAL_SHARE: f64 = 0.03;
 
 /// Most findings.
 pub const MOST_FINDINGS: usize = 8;

@@ -2,8 +2,9 @@
 //!
 //! ```text
 //!   windows of the other motion, 10, 100 and 500 ms ahead, both models from past readings only
-//!   joint gain = 1 − exp(½ mean ln(mse_extended / mse_base)) over all sensors and horizons        interval: blocks drawn whole, BCa
+//!   joint gain = 1 − exp(½ mean ln((mse_extended + s²) / (mse_base + s²))) over all sensors and horizons        interval: blocks drawn whole, BCa
 //! ```
+//! s² is what the robot file's own `unmodelled_rad_s2` lets a sensor do over the horizon: of a link that is declared free no model can be judged there.
 //! A sensor counts with the logarithm of its error, as in a Gaussian predictive score with its scale estimated (Gneiting and Raftery 2007): none outweighs
 //! the others for its unit or its noise, and one that gets a little worse beside others that get much better does not decide.
 
@@ -13,9 +14,8 @@ use super::result::{ChannelGain, HorizonGain, OverTime};
 use crate::calibrate::{Bench, CalibrateError, Series, Trial};
 use crate::effect::{Effect, Role};
 use crate::recording::Recording;
-use crate::robot::ChannelKind;
+use crate::robot::{ChannelKind, Robot};
 use crate::verify::{CalibratedModel, VerifyError, Windows, windows};
-use solve::threads;
 
 /// Blocks of the other motion: a block is as long as the longest horizon that counts at least, s.
 const BLOCKS: f64 = 24.0;
@@ -32,16 +32,16 @@ pub struct Predicted {
 
 /// The other motion.
 pub struct Holdout<'a> {
+    robot: &'a Robot,
     recordings: Vec<&'a Recording>,
     series: Vec<Series>,
-    threads: usize,
 }
 
 impl<'a> Holdout<'a> {
     /// Of these recordings of the robot.
-    pub fn new(bench: &Bench<'_>, recordings: &[&'a Recording], threads: usize) -> Self {
-        let series = recordings.iter().map(|recording| Series::of(bench.robot(), &[recording]));
-        Holdout { series: series.collect(), recordings: recordings.to_vec(), threads }
+    pub fn new(robot: &'a Robot, recordings: &[&'a Recording]) -> Self {
+        let series = recordings.iter().map(|recording| Series::of(robot, &[recording]));
+        Holdout { robot, series: series.collect(), recordings: recordings.to_vec() }
     }
 
     /// What a trial predicts, with what is each recording's own set free: biases, zeros and what its laws have of their own in each recording.
@@ -63,21 +63,6 @@ impl<'a> Holdout<'a> {
             windows_of.push(windows(&model, recording)?);
         }
         Ok(Predicted { windows: windows_of.into_iter().flatten().collect() })
-    }
-
-    /// Both at once, on two threads where there are two.
-    ///
-    /// # Errors
-    /// As [`predict`](Self::predict).
-    pub fn predict_both(
-        &self,
-        bench: &Bench<'_>,
-        (base, extended): (&Trial, &Trial),
-        effects: &[&'static Effect],
-    ) -> Result<(Predicted, Predicted), HoldoutError> {
-        let (base, extended) =
-            threads::both(self.threads, || self.predict(bench, base, &[]), || self.predict(bench, extended, effects));
-        Ok((base?, extended?))
     }
 
     /// The joint gain of `extended` over `base`.
@@ -188,7 +173,11 @@ impl<'a> Holdout<'a> {
                         None => {
                             let sigma = recording.channels[channels[0]].spec.sigma;
                             let horizon_s = base.horizon_s;
-                            cells.push(Cell { sensor: sensor.clone(), horizon_s, sigma, blocks: Vec::new() });
+                            let unmodelled = channels.iter().map(|channel| {
+                                unmodelled_variance(self.robot, recording.channels[*channel].spec.kind, horizon_s)
+                            });
+                            let unmodelled = unmodelled.sum::<f64>() / channels.len() as f64;
+                            cells.push(Cell { sensor: sensor.clone(), horizon_s, sigma, unmodelled, blocks: Vec::new() });
                             let last = cells.len() - 1;
                             &mut cells[last]
                         }
@@ -242,6 +231,8 @@ struct Cell {
     sensor: String,
     horizon_s: f64,
     sigma: f64,
+    /// Variance that the robot file's unmodelled accelerations have over the horizon.
+    unmodelled: f64,
     blocks: Vec<[f64; 3]>,
 }
 
@@ -254,13 +245,31 @@ impl Cell {
     }
 }
 
+/// What accelerations of white noise, which the robot file declares unmodelled, do to a channel over a horizon of n periods T: σ_v = σ_a T a period, n σ_v² of a speed, n σ_v² h²/3 of a
+/// position.
+fn unmodelled_variance(robot: &Robot, kind: ChannelKind, horizon_s: f64) -> f64 {
+    let period_s = robot.sample_period_s;
+    let periods = horizon_s / period_s;
+    let speed = |acceleration: f64| periods * (acceleration * period_s).powi(2);
+    let position = |acceleration: f64| speed(acceleration) * horizon_s * horizon_s / 3.0;
+    let of = |joint: usize| &robot.joints[joint].unmodelled;
+    match kind {
+        ChannelKind::MotorPosition { joint } => position(of(joint).motor.max(of(joint).link)),
+        ChannelKind::LinkPosition { joint } => position(of(joint).link),
+        ChannelKind::MotorSpeed { joint } => speed(of(joint).motor.max(of(joint).link)),
+        ChannelKind::LinkSpeed { joint } => speed(of(joint).link),
+        ChannelKind::GyroAxis { body, .. } => (0..=body.min(robot.joints.len() - 1)).map(|joint| speed(of(joint).link)).sum(),
+    }
+}
+
 fn joint(cells: &[Cell]) -> Gain {
     let blocks = cells.first().map_or(0, |cell| cell.blocks.len());
     let of = |blocks: &mut dyn Iterator<Item = usize>| {
         let drawn: Vec<usize> = blocks.collect();
         let (mut sum, mut count) = (0.0, 0);
         for cell in cells {
-            let [base, extended, _] = cell.sum(drawn.iter().copied());
+            let [base, extended, count_of] = cell.sum(drawn.iter().copied());
+            let (base, extended) = (base + count_of * cell.unmodelled, extended + count_of * cell.unmodelled);
             if base > 0.0 && extended > 0.0 {
                 sum += 0.5 * (extended / base).ln();
                 count += 1;

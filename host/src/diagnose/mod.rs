@@ -21,6 +21,7 @@ mod curves;
 mod events;
 mod holdout;
 mod interval;
+mod margin;
 mod plausibility;
 mod refit;
 mod report;
@@ -34,6 +35,7 @@ mod yardstick;
 pub use block_scores::{LawScore, score_laws};
 pub use criteria::LEVEL;
 pub use interval::Gain;
+pub use margin::margin;
 pub use result::{
     BaseFit, Candidate, ChannelFit, ChannelGain, Defect, Diagnosis, Finding, Flag, HoldoutGain, HorizonGain, NotTestable,
     OverTime, Picture, Rejected, Rival, Unexplained, Verdict,
@@ -123,7 +125,7 @@ pub fn diagnose(
     };
     let (first_curves, _) = thinned(&selection.base.trial);
     step("predicting the other motion");
-    let unseen = Holdout::new(&bench, &unseen, settings.threads);
+    let unseen = Holdout::new(robot, &unseen);
     let (judged, rejected) = report::judge(&refit, &unseen, &mut selection);
     let (left, scale) = if selection.accepted.is_empty() { (first_curves.clone(), 1.0) } else { thinned(&selection.current.trial) };
 

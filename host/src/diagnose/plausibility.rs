@@ -37,11 +37,10 @@ impl Plausibility {
         effect.implausibility(name, value, &self.scales)
     }
 
-    /// The largest of an effect's sizes in a trial. A shape alone makes nothing implausible: it is free where there is little of the effect.
+    /// The largest of an effect's sizes and shapes in a trial.
     pub fn of_law(&self, effect: &Effect, trial: &Trial) -> f64 {
         let own = trial.values.iter().filter(|value| is_of(effect, &value.name));
-        let sizes = own.filter(|value| effect.parameter(&value.name).is_some_and(|p| p.role.is_size()));
-        sizes.map(|value| self.of_value(effect, &value.name, value.estimate)).fold(0.0, f64::max)
+        own.map(|value| self.of_value(effect, &value.name, value.estimate)).fold(0.0, f64::max)
     }
 
     /// Whether a size of the law ends at, or beyond, the end of what a robot can have.

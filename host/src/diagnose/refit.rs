@@ -57,8 +57,7 @@ impl Fitted {
 
 /// As many samples as cost what `of_doggy` samples of a robot with [`STATES`] states do.
 pub fn samples_for(states: usize, of_doggy: usize) -> usize {
-    let states = states.min(STATES);
-    (of_doggy * STATES * STATES / (states * states).max(1)).min(2 * of_doggy)
+    if states <= STATES { of_doggy } else { of_doggy * STATES * STATES / (states * states) }
 }
 
 /// On top of what laws are refitted, and where.

@@ -3,6 +3,7 @@
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha12Rng;
 
+use super::criteria::RIVAL_SHARE;
 use super::interval::standard_error;
 
 /// Draws of blocks.
@@ -27,7 +28,8 @@ impl Contender {
 }
 
 /// Weights that add up to one: the share of draws of blocks in which each is chosen. In each draw that is the one that gains most, but for simpler or more plausible
-/// ones that come within one standard error of it (the one standard error rule of Breiman et al. 1984).
+/// ones that come within one standard error of it (the one standard error rule of Breiman et al. 1984), or within [`RIVAL_SHARE`] of its gain: where every law is an
+/// approximation, so little more is no evidence of another shape.
 pub fn weights(contenders: &[Contender]) -> Vec<f64> {
     let blocks = contenders.first().map_or(0, |contender| contender.gains.len());
     let mut chosen = vec![0usize; contenders.len()];
@@ -63,8 +65,8 @@ pub fn best(contenders: &[Contender]) -> Option<usize> {
 
 fn choose(contenders: &[Contender], sums: &[f64], apart: &[Vec<f64>]) -> usize {
     let most = (0..sums.len()).max_by(|a, b| sums[*a].total_cmp(&sums[*b])).unwrap_or(0);
-    let is_near = |i: &usize| sums[most] - sums[*i] <= apart[most][*i];
-    let simple = |i: &usize| contenders[*i].freedom as f64 + contenders[*i].implausibility.max(0.0);
+    let is_near = |i: &usize| sums[most] - sums[*i] <= apart[most][*i].max(RIVAL_SHARE * sums[most]);
+    let simple = |i: &usize| contenders[*i].freedom as f64 + contenders[*i].implausibility.min(1e3);
     let near = (0..sums.len()).filter(is_near);
     near.min_by(|a, b| simple(a).total_cmp(&simple(b)).then(sums[*b].total_cmp(&sums[*a]))).unwrap_or(most)
 }
@@ -92,6 +94,14 @@ mod tests {
         let tonnes = Contender { implausibility: 6.0, ..simple.clone() };
         assert_eq!(best(&[tonnes, simple]), Some(1));
         assert_eq!(best(&[]), None);
+    }
+
+    #[test]
+    fn a_little_more_is_no_evidence_of_another_shape_where_blocks_agree_about_it() {
+        let (shape, simple) = (contender(6, |b| 1020.0 + (b % 2) as f64), contender(3, |_| 1000.0));
+        assert_eq!(best(&[shape, simple.clone()]), Some(1));
+        let better = contender(6, |b| 1100.0 + (b % 2) as f64);
+        assert_eq!(best(&[better, simple]), Some(0));
     }
 
     #[test]

@@ -13,7 +13,7 @@ use super::axes::axes_of_step;
 use super::block_scores::{LawScore, collinearity, score_laws};
 use super::catalogue::{Candidate, Named};
 use super::criteria::{
-    BLOCKS, COLLINEAR, COLLINEAR_REFITTED, LEAST_SHARE, LEVEL, MOST_FINDINGS, REFITTED, SCAN_SAMPLES,
+    BLOCKS, COLLINEAR, COLLINEAR_REFITTED, LEAST_SHARE, LEAST_SHARE_OF_ALL, LEVEL, MOST_FINDINGS, PROMISING, REFITTED, SCAN_SAMPLES,
 };
 use super::events::{at_worst_times, p_of_event, timed};
 use super::interval::{Gain, bca, standard_error};
@@ -217,6 +217,40 @@ fn scan(refit: &Refit<'_>, selection: &Selection, candidates: &[Candidate]) -> R
     Ok(Scan { scores, scanned, not_finite })
 }
 
+/// Refits of the first round, with that of `effect` among them: id, parameters, and Σ r² saved with each model's own parameters.
+///
+/// # Errors
+/// As a calibration's, of the scan.
+pub fn first_refits(
+    refit: &Refit<'_>,
+    base: Fitted,
+    candidates: &[Candidate],
+    effect: &'static Effect,
+) -> Result<Vec<(&'static str, usize, f64)>, CalibrateError> {
+    let selection = Selection {
+        accepted: Vec::new(),
+        current: base.clone(),
+        base,
+        scan: Vec::new(),
+        not_finite: Vec::new(),
+    };
+    let mut scan = scan(refit, &selection, candidates)?;
+    // The law in question is refitted whatever the scan says of it.
+    scan.scanned.sort_by_key(|s| s.named.effect.id != effect.id);
+    let own = scan.scanned.first().filter(|s| s.named.effect.id == effect.id);
+    let own = own.and_then(|s| Some((s.score.freedom, refit.with(&[], &selection.current, &s.named)?.1)));
+    let saved = |fitted: &Fitted| -> f64 {
+        selection.current.own.iter().zip(&fitted.own).map(|(before, after)| before - after).sum()
+    };
+    let mut refits: Vec<(&'static str, usize, f64)> = refitted(refit, &selection, &scan, &[])
+        .into_iter()
+        .filter(|tried| tried.named.effect.id != effect.id)
+        .map(|tried| (tried.named.effect.id, tried.freedom, saved(&tried.fitted)))
+        .collect();
+    refits.extend(own.map(|(freedom, fitted)| (effect.id, freedom, saved(&fitted))));
+    Ok(refits)
+}
+
 /// Refits of what the scan shows best, of what is collinear with the best, and of events.
 fn refitted(refit: &Refit<'_>, selection: &Selection, scan: &Scan, clues: &[Named]) -> Vec<Tried> {
     let accepted: Vec<Named> = selection.accepted.iter().map(|accepted| accepted.named.clone()).collect();
@@ -237,7 +271,9 @@ fn refitted(refit: &Refit<'_>, selection: &Selection, scan: &Scan, clues: &[Name
     }
     let is_event = |s: &&Scanned| s.named.law.event_s().is_some();
     let (events, others): (Vec<&Scanned>, Vec<&Scanned>) = scan.scanned.iter().partition(is_event);
-    let gaining: Vec<&Scanned> = others.into_iter().filter(|s| s.score.gain() > 0.0).collect();
+    let most = others.iter().map(|s| s.score.gain()).fold(0.0, f64::max);
+    let promising = |s: &&Scanned| s.score.gain() > 0.0 && s.score.gain() >= PROMISING * most;
+    let gaining: Vec<&Scanned> = others.into_iter().filter(promising).collect();
     let (first, rest) = gaining.split_at(REFITTED.min(gaining.len()));
     let is_collinear =
         |s: &&&Scanned| first.first().is_some_and(|best| collinearity(&scan.scores, &best.score, &s.score) > COLLINEAR);
@@ -282,7 +318,7 @@ fn axes_of_step_free(law: &dyn Law) -> Vec<usize> {
 }
 
 /// Whether an addition is supported: out of sample, against noise, and large enough beside what is left.
-fn is_supported(tried: &Tried, left: f64) -> bool {
+fn is_supported(tried: &Tried, least: f64) -> bool {
     let gain = share(&tried.gains, 1.0);
     let supported = tried.is_event || gain.is_supported();
     tracing::debug!(
@@ -290,10 +326,10 @@ fn is_supported(tried: &Tried, left: f64) -> bool {
         gain = gain.share,
         ci95 = ?gain.ci95,
         p = tried.p_family,
-        left,
+        least,
         "supported?"
     );
-    supported && tried.p_family < LEVEL && gain.share >= LEAST_SHARE * left && gain.share > 0.0
+    supported && tried.p_family < LEVEL && gain.share >= least && gain.share > 0.0
 }
 
 /// What stands in the place of the chosen one.
@@ -308,13 +344,14 @@ fn choose(
     plausibility: &Plausibility,
 ) -> Option<(Accepted, Chosen)> {
     let left = excess(&selection.current).max(0.0);
+    let least = (LEAST_SHARE * left).max(LEAST_SHARE_OF_ALL * selection.excess());
     let gain = |tried: &Tried| tried.gains.iter().sum::<f64>();
     let contender = |tried: &Tried| Contender {
         gains: tried.gains.clone(),
         freedom: tried.freedom,
         implausibility: plausibility.of_law(tried.named.effect, &tried.fitted.trial),
     };
-    let supported: Vec<bool> = tried.iter().map(|tried| is_supported(tried, left)).collect();
+    let supported: Vec<bool> = tried.iter().map(|tried| is_supported(tried, least)).collect();
     let top = (0..tried.len()).filter(|i| supported[*i]).max_by(|a, b| gain(&tried[*a]).total_cmp(&gain(&tried[*b])))?;
     // Those that may stand for it: their columns do the same to the residuals.
     let alike = |i: usize| match (&tried[top].score, &tried[i].score) {
@@ -373,9 +410,9 @@ fn drop_superfluous(refit: &Refit<'_>, selection: &mut Selection) -> Result<(), 
     let mut place = 0;
     while selection.accepted.len() > 1 && place + 1 < selection.accepted.len() {
         let (fitted, lost) = without(refit, selection, place)?;
-        let left = excess(&fitted).max(0.0);
+        let least = (LEAST_SHARE * excess(&fitted).max(0.0)).max(LEAST_SHARE_OF_ALL * selection.excess());
         let gain = share(&lost, 1.0);
-        let is_needed = (gain.is_supported() || selection.accepted[place].is_event) && gain.share >= LEAST_SHARE * left;
+        let is_needed = (gain.is_supported() || selection.accepted[place].is_event) && gain.share >= least;
         tracing::debug!(effect = selection.accepted[place].named.effect.id, lost = gain.share, ci95 = ?gain.ci95, "drop?");
         if is_needed {
             place += 1;

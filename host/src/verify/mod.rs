@@ -209,7 +209,7 @@ pub fn predict(
 ///
 /// # Errors
 /// [`VerifyError`].
-pub fn windows(model: &CalibratedModel, recording: &Recording) -> Result<Vec<window::Windows>, VerifyError> {
+pub fn windows(model: &CalibratedModel, recording: &Recording) -> Result<Vec<Windows>, VerifyError> {
     check(model, recording)?;
     let t_s: Vec<f64> = (0..recording.len()).map(|k| recording.motion_time_s(k)).collect();
     let duty = model.inputs_as_they_act(&recording.duty, &recording.segments());
