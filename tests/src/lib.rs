@@ -6,6 +6,7 @@ pub mod hidden;
 pub mod machine;
 pub mod riddle;
 pub mod study;
+pub mod wrong_world;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
