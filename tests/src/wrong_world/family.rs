@@ -136,7 +136,7 @@ impl Family {
                 axis(0.05, 25.0, 5.0, 0.9, 2.5),
             ],
             "arm3" => {
-                vec![axis(0.21, 12.0, 15.0, 0.6, 3.0), axis(0.2, 12.0, 15.0, 0.4, 3.0), axis(0.08, 14.0, 8.0, 0.6, 3.5)]
+                vec![axis(0.21, 12.0, 25.0, 0.5, 5.0), axis(0.2, 12.0, 25.0, 0.4, 5.0), axis(0.08, 14.0, 15.0, 0.6, 6.0)]
             }
             _ => return Motion::Stages(Stages::draw(robot, rng)),
         };
@@ -152,7 +152,7 @@ impl Family {
             Self::Rigid if is_odd => OF_CARRIAGE.to_vec(),
             Self::Rigid => of_turning(),
             Self::Elastic2 => [&of_turning()[..], &OF_ELASTIC, &["link_inertia"]].concat(),
-            Self::Arm if is_odd => [&of_turning()[..], &OF_ELASTIC, &["link_inertia"]].concat(),
+            Self::Arm if is_odd => [&of_turning()[..], &OF_ELASTIC, &["gravity_residual", "link_inertia"]].concat(),
             Self::Arm => [&of_turning()[..], &["link_inertia"]].concat(),
         }
     }
@@ -185,7 +185,8 @@ impl Family {
     pub fn classes(self) -> &'static [&'static [&'static str]] {
         match self {
             Self::Doggy => &[&["gravity_residual", "cable_spring"]],
-            Self::Rigid | Self::Arm => &[&["input_delay", "electrical_lag", "encoder_lag"]],
+            Self::Rigid => &[&["input_delay", "electrical_lag", "encoder_lag"]],
+            Self::Arm => &[&["input_delay", "electrical_lag", "encoder_lag"], &["gravity_residual", "cable_spring"]],
             Self::Elastic2 => &[&["input_delay", "electrical_lag"]],
         }
     }
