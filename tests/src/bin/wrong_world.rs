@@ -1,5 +1,5 @@
-//! How often the diagnosis is right about robots that are not the base model and one law: four families, a main effect over a background of small
-//! ones, torque of no law, files with wrong numbers.
+//! The wrong-world study: robots with a main effect, trace effects, unmodelled torque, wrong fixed parameters and other friction laws, in four
+//! families.
 //!
 //! ```sh
 //! cargo run --release -p tests --bin wrong_world                                     # one robot a case

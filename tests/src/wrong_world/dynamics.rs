@@ -1,6 +1,6 @@
 //! ẋ = f(x, u, t) of a [`Machine`], and a step of the classical Runge–Kutta method.
 //!
-//! What remembers (bristles, slipping elements) is no part of x: within a step it is told by the displacement since the step began.
+//! Memories of friction and hysteresis are no part of x. Within a step they follow from the displacement since its start.
 
 use nalgebra::SVector;
 
@@ -15,12 +15,12 @@ type X = SVector<f64, SIZE>;
 
 /// Presliding is damped at this share of critical against the motor's inertia.
 const MICRO_DAMPING: f64 = 0.15;
-/// Depth over which contact takes on its damping, as a share of the half gap; inside the gap this share of the damping is left.
+/// Penetration over which the contact's damping rises, as a share of the half gap, and the share of the damping inside the gap.
 const CONTACT: f64 = 0.15;
 const LUBRICATION: f64 = 0.02;
 /// A lag shorter than this is none, s.
 const LEAST_LAG_S: f64 = 1e-4;
-/// What the second harmonic of ripples is of the first, and by what its phase runs ahead, rad.
+/// Amplitude ratio and phase of the second harmonic of ripples.
 const HARMONIC: f64 = 0.15;
 const HARMONIC_PHASE: f64 = 1.1;
 
@@ -29,13 +29,13 @@ const HARMONIC_PHASE: f64 = 1.1;
 pub struct Acting {
     /// Input as it reaches the drivers.
     pub input: [f64; MOST],
-    /// Torque on the motors that no law holds, N m.
+    /// Unmodelled torque on the motors, N m.
     pub motor: [f64; MOST],
     /// The same on the links.
     pub link: [f64; MOST],
 }
 
-/// What moves and what remembers.
+/// The state of a machine: x and the memories.
 #[derive(Debug, Clone)]
 pub struct State {
     x: X,
@@ -46,7 +46,7 @@ pub struct State {
     pub time_s: f64,
 }
 
-/// Quantities of one joint that sizes and sensors are told of.
+/// Quantities of one joint for sensors and statistics.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct JointView {
     /// Link position and speed.

@@ -1,7 +1,7 @@
-//! Effects of the catalogue as they are on these machines: sizes from this study's own tables, truths under the catalogue's names and units.
+//! Effects of the catalogue in this plant: size tables of this study, truths under the catalogue's names and units.
 //!
-//! Sizes are shares of what the joint does in the same motion without any effect ([`Usage`]), or of its own friction and stiffness; the ranges are
-//! those of machines. A law here is not the catalogue's law: a truth is comparable where both mean the same number.
+//! Sizes are relative to the joint's statistics in the same motion without effects ([`Usage`]), or to its own friction and stiffness. The plant's law
+//! differs from the catalogue's law. A truth is comparable where the parameter has the same meaning in both.
 
 mod belt;
 mod friction;
@@ -22,11 +22,11 @@ use super::outsider::Usage;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Size {
-    /// Nobody overlooks it.
+    /// The upper end of the realistic range.
     Large,
-    /// As on many machines.
+    /// The middle of the range.
     Medium,
-    /// As on good ones.
+    /// The lower end of the range.
     Weak,
     /// A third of weak.
     Trace,
@@ -160,7 +160,7 @@ fn single(id: &str, symbol: &str, value: f64) -> Truth {
 }
 
 impl Truth {
-    /// A number of this law that the catalogue's law has not, or means in another way.
+    /// Marks a parameter that has another meaning in the catalogue's law.
     fn not_comparable(self) -> Self {
         Self { is_comparable: false, ..self }
     }

@@ -1,4 +1,4 @@
-//! Four families of robots: their descriptions, how they are moved, what can be hidden in them, and which names mean the same there.
+//! The four families of robots: descriptions, motions, effects, outsiders and classes of equivalent names.
 
 use std::ops::Range;
 
@@ -83,7 +83,7 @@ const OF_ELASTIC: [&str; 7] = [
     "cable_spring",
 ];
 
-/// Effects that there is no third of, and those that are no part of a sound machine's background.
+/// Effects that are never traces: one has no size, the other is an error of the file already.
 const NEVER_A_TRACE: [&str; 2] = ["coriolis", "link_inertia"];
 
 impl Family {
@@ -136,7 +136,11 @@ impl Family {
                 axis(0.05, 25.0, 5.0, 0.9, 2.5),
             ],
             "arm3" => {
-                vec![axis(0.21, 12.0, 25.0, 0.5, 5.0), axis(0.2, 12.0, 25.0, 0.4, 5.0), axis(0.08, 14.0, 15.0, 0.6, 6.0)]
+                vec![
+                    axis(0.21, 12.0, 25.0, 0.5, 5.0),
+                    axis(0.2, 12.0, 25.0, 0.4, 5.0),
+                    axis(0.08, 14.0, 15.0, 0.6, 6.0),
+                ]
             }
             _ => return Motion::Stages(Stages::draw(robot, rng)),
         };
@@ -153,7 +157,7 @@ impl Family {
             Self::Rigid => of_turning(),
             Self::Elastic2 => [&of_turning()[..], &OF_ELASTIC, &["link_inertia"]].concat(),
             Self::Arm if is_odd => [&of_turning()[..], &OF_ELASTIC, &["gravity_residual", "link_inertia"]].concat(),
-            Self::Arm => [&of_turning()[..], &["link_inertia"]].concat(),
+            Self::Arm => [&of_turning()[..], &["gravity_residual", "link_inertia"]].concat(),
         }
     }
 
@@ -162,7 +166,7 @@ impl Family {
         !NEVER_A_TRACE.contains(&id)
     }
 
-    /// What can be hidden that no catalogue holds.
+    /// Outsiders of a seed's robot.
     pub fn outsiders(self, seed: u64) -> Vec<OutsiderKind> {
         use OutsiderKind::{
             BeltPull, FrictionByPosition, FrictionBySpeed, FrictionLag, HeatFade, InputLeak, LateByLoad,
@@ -177,11 +181,11 @@ impl Family {
         }
     }
 
-    /// Classes of names that are the same thing on these robots, or that no motion of this study could tell apart. As few as can be:
+    /// Classes of names that are equivalent on these robots:
     ///
-    /// * Without a second sensor a joint that reads late, a command that comes late and, without back-EMF, a current that rises late are one lag in
-    ///   the loop.
-    /// * A counter-spring that is off and a cable differ in the cubic term of a sine over half a radian, which is below any noise here.
+    /// * One encoder a joint and no back-EMF: encoder lag, input delay and electrical lag are the same lag between input and reading.
+    /// * Two encoders a joint and no back-EMF: input delay and electrical lag are the same lag of the torque.
+    /// * Balanced joints: a gravity residual and a cable spring differ in the cubic term of the sine only.
     pub fn classes(self) -> &'static [&'static [&'static str]] {
         match self {
             Self::Doggy => &[&["gravity_residual", "cable_spring"]],
@@ -191,19 +195,16 @@ impl Family {
         }
     }
 
-    /// Names of what every robot of the family has, since its file is wrong: no finding of these is false, and none counts as first.
-    pub fn faults_of_the_file(self, seed: u64) -> &'static [&'static str] {
+    /// Errors that every file of the family has. Findings of these names are not false, and they are passed over in the count of first findings.
+    pub fn faults_of_the_file(self) -> &'static [&'static str] {
         match self {
-            // Its body's inertia belongs to b, its first moment is estimated.
+            // b takes up the body's inertia, and the first moment is estimated.
             Self::Rigid => &[],
-            Self::Doggy | Self::Elastic2 => &["link_inertia"],
-            // One fixed torque constant among free ones: motors are not alike, as far as b and v do not take it up.
-            Self::Arm if seed.is_multiple_of(2) => &["link_inertia", "motor_mismatch"],
-            Self::Arm => &["link_inertia", "motor_mismatch"],
+            Self::Doggy | Self::Elastic2 | Self::Arm => &["link_inertia"],
         }
     }
 
-    /// Half gaps of worn transmissions, rad: belts of a tall robot, gears of an arm.
+    /// Half gaps of worn transmissions, rad.
     pub fn gaps(self) -> [f64; 3] {
         match self {
             Self::Doggy => [2e-3, 8e-3, 20e-3],
@@ -211,7 +212,7 @@ impl Family {
         }
     }
 
-    /// RMS of the noise of the input, as a share of its own. A duty is a number that was commanded.
+    /// RMS of the input noise as a share of the input's RMS. A commanded duty has none.
     pub fn input_noise(self) -> Option<Range<f64>> {
         match self {
             Self::Doggy => None,

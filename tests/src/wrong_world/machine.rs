@@ -1,6 +1,6 @@
-//! A machine: every number of the physics, and how one is drawn around a description file.
+//! The parameters of the plant, and a random draw of them around a description file.
 //!
-//! Nothing here is an effect or a law: an effect is some of these numbers other than what they are on a sound machine.
+//! An effect is a change of some of these parameters.
 
 use host::robot::{Friction, InputUnit, Robot, Sensor, Side, Symbol, Transmission};
 use nalgebra::{Matrix3, Rotation3, Vector3};
@@ -21,7 +21,7 @@ const BENDING: f64 = 0.04;
 /// Speed above which presliding is not damped any more, times the file's slope: 3 mrad/s at 400 s/rad.
 const MICRO_SPEED: f64 = 1.2;
 
-/// All numbers of the physics.
+/// All parameters of the plant.
 #[derive(Debug, Clone)]
 pub struct Machine {
     /// Bodies; the first [`bearings`](Self::bearings) joints are passive.
@@ -48,7 +48,7 @@ pub struct Machine {
     pub encoders: Vec<EncoderTruth>,
     /// Gyros in the order of the file.
     pub gyros: Vec<GyroTruth>,
-    /// A law that no catalogue holds.
+    /// A law that the catalogue does not contain.
     pub outsider: Option<Outsider>,
 }
 
@@ -147,12 +147,12 @@ pub struct Load {
     pub spring: f64,
 }
 
-/// How far a drawn machine is from its file.
+/// Agreement of a drawn machine with its file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Fidelity {
-    /// Free parameters differ; what the file fixes is right, and friction has the file's own law.
+    /// Only free parameters differ. Friction has the file's law.
     TrueToFile,
-    /// What the file fixes is wrong, too, and friction has a shape of its own.
+    /// Fixed parameters are wrong as well, and friction has another law.
     WrongWorld,
 }
 
@@ -160,7 +160,7 @@ pub enum Fidelity {
 pub type BaseTruth = Vec<(String, f64)>;
 
 impl Machine {
-    /// A sound machine drawn around a description.
+    /// A machine without effects, drawn around a description.
     pub fn draw(robot: &Robot, fidelity: Fidelity, rng: &mut ChaCha8Rng) -> (Self, BaseTruth) {
         let is_wrong = fidelity == Fidelity::WrongWorld;
         let mut around = |value: f64, spread: f64| value * (1.0 + rng.random_range(-spread..spread));
@@ -253,7 +253,7 @@ impl Machine {
         (machine, truth)
     }
 
-    /// Puts the machine on two passive joints about x and y of the base.
+    /// Adds two passive joints about x and y of the base before the first joint.
     pub fn stand_on(&mut self, bearings: [Bearing; 2]) {
         let axes = [Vector3::x(), Vector3::y()];
         self.chain.links.splice(0..0, axes.map(Link::massless));

@@ -1,11 +1,11 @@
-//! What remembers the way that it came: presliding friction and slipping elements, as operators on displacement.
+//! Rate-independent operators: presliding friction and elasto-plastic elements.
 //!
-//! Each is exact for a displacement in one direction, so that a step of the integration may be long against the bristles and no state is stiff:
-//! from the value at the start of a step and the displacement since, they tell the value now.
+//! An operator maps the memory at the start of a step and the displacement since then to the memory now. It is exact for a monotonic displacement,
+//! so the integration step need not resolve the presliding distance.
 
 use serde::{Deserialize, Serialize};
 
-/// How friction builds up as a surface begins to move. Values are shares of the sliding friction, −1 to 1.
+/// Presliding law: friction as a share of the sliding friction, −1 to 1.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum Onset {
     /// tanh(κ v / 2): no memory, s/rad or s/m.
@@ -31,7 +31,7 @@ pub const ELEMENTS: usize = 4;
 const REACHES: [f64; ELEMENTS] = [0.1, 0.25, 0.5, 1.0];
 const SHARES: [f64; ELEMENTS] = [0.35, 0.3, 0.2, 0.15];
 
-/// The memory of one rubbing surface.
+/// Memory of one contact.
 pub type Memory = [f64; ELEMENTS];
 
 impl Onset {

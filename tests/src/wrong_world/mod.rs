@@ -1,13 +1,14 @@
-//! The wrong-world study: is a cause found in robots that are not "the base model and one law"?
+//! The wrong-world study: how the diagnosis performs on robots that the model class does not contain.
 //!
 //! ```text
-//! case ─▶ machine (±15 %; the file's fixed numbers ±20 % wrong; friction of another shape)
-//!          + main effect + three to eight traces + torque of no law + noise ─▶ recording ─▶ diagnose ─▶ one line of JSON ─▶ Scoreboard
+//! case ─▶ machine (free parameters ±15 %, fixed parameters ±20 % wrong, another friction law)
+//!          + main effect + three to eight trace effects + unmodelled torque + noise ─▶ recording ─▶ diagnose ─▶ JSON line ─▶ Scoreboard
 //! ```
 //!
-//! The plant stands in this folder and shares no physics with the estimator: a chain by recursive Newton–Euler, friction by bristles or slipping
-//! elements, hysteresis by slipping springs, contacts with damped play, steps of 0.2 ms. A pair of tests holds both sides to the same meaning of a
-//! description file: a machine that is true to its file is calibrated to its own numbers.
+//! The plant in this folder shares no physics with the estimator. Its chain uses recursive Newton–Euler. Its friction laws are presliding bristles,
+//! Iwan elements or a smooth sign. Its hysteresis is elasto-plastic. Backlash has a damped contact. The integration step is 0.2 ms. Unit tests check
+//! that both sides read a description file in the same way: both chains agree, and a machine without model errors is calibrated to its true
+//! parameters.
 
 mod chain;
 mod dynamics;
@@ -38,7 +39,7 @@ use serde::{Deserialize, Serialize};
 use effect::{Hiding, Size, Truth};
 use family::Family;
 use machine::{Fidelity, Machine};
-use noise::{Purpose, stream};
+use noise::{Purpose, nth_stream, stream};
 use outsider::OutsiderKind;
 use session::{Diverged, Played, STEP_S, play};
 use unmodelled::Unmodelled;
@@ -46,17 +47,19 @@ use unmodelled::Unmodelled;
 pub use outcome::{Outcome, outcome};
 pub use scoreboard::Scoreboard;
 
-/// Effects in the background of every machine.
+/// Number of trace effects in every machine.
 const TRACES: std::ops::RangeInclusive<usize> = 3..=8;
+/// At most this share of the effects of a family are traces, beyond the least number: otherwise every name would be true.
+const MOST_TRACES: f64 = 1.0 / 3.0;
 
-/// What is hidden, and in which robot.
+/// A robot and its main effect.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Case {
     /// Which family of robots.
     pub family: Family,
     /// Decides everything that is drawn.
     pub seed: u64,
-    /// What is hidden over the background.
+    /// The main effect.
     pub main: Main,
     /// Its size.
     pub size: Size,
@@ -70,18 +73,18 @@ pub enum Main {
     None,
     /// An effect of the catalogue.
     Effect(String),
-    /// A law that no catalogue holds.
+    /// A law that the catalogue does not contain.
     Outsider(OutsiderKind),
 }
 
-/// What kind of riddle a case is.
+/// The kinds of cases.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
     /// A main effect of the catalogue.
     Main,
     /// None.
     Null,
-    /// A law that no catalogue holds.
+    /// A law that the catalogue does not contain.
     Outsider,
 }
 
@@ -113,7 +116,7 @@ impl Case {
     }
 }
 
-/// The whole study: for every seed and family a robot without a main effect, every effect at three sizes, and every outsider at two.
+/// The whole study. For each seed and family: one null, every effect at three sizes, every outsider at two sizes.
 pub fn cases(first: u64, seeds: u64) -> Vec<Case> {
     let mut cases = Vec::new();
     for seed in first..first + seeds {
@@ -133,7 +136,7 @@ pub fn cases(first: u64, seeds: u64) -> Vec<Case> {
     cases
 }
 
-/// A case as it is played, with the truth.
+/// A simulated case and its truth.
 #[derive(Debug)]
 pub struct Drawn {
     /// The description that the diagnosis is given.
@@ -146,10 +149,10 @@ pub struct Drawn {
     pub traces: Vec<String>,
 }
 
-/// Draws and plays a case.
+/// Draws and simulates a case.
 ///
 /// # Errors
-/// [`Diverged`], in words, if the machine leaves the range of numbers.
+/// A message if the simulation diverges or an effect cannot be hidden.
 pub fn draw(case: &Case) -> Result<Drawn, String> {
     let Case { family, seed, size, .. } = *case;
     let stream = |purpose| stream(family.stream(), seed, purpose);
@@ -159,7 +162,7 @@ pub fn draw(case: &Case) -> Result<Drawn, String> {
     let mut machine = sound.clone();
     machine.gyros = machine.gyros.into_iter().map(sensors::GyroTruth::filtered).collect();
     let diverged = |Diverged { time_s }| format!("the plant diverged at {time_s:.3} s");
-    // What sizes are shares of.
+    // A first simulation without effects: sizes are relative to its torques, speeds and ranges.
     let sensing = || stream(Purpose::Sensors);
     let rehearsal = play((&robot, &sound), motion(), Unmodelled::none(), Fidelity::WrongWorld, &mut sensing());
     let Played { usage, gyro_peaks, .. } = rehearsal.map_err(diverged)?;
@@ -167,7 +170,9 @@ pub fn draw(case: &Case) -> Result<Drawn, String> {
     let traces = traces(case);
     let mut hide = |id: &str, size: Size, purpose| {
         let (usage, gyro_peaks, gaps) = (&usage[..], &gyro_peaks[..], family.gaps());
-        let rng = &mut stream(purpose);
+        // A stream for each effect: the others do not change where one is left out.
+        let nth = family.effects(seed).iter().position(|known| *known == id).map_or(0, |place| place as u64 + 1);
+        let rng = &mut nth_stream(family.stream(), seed, purpose, nth);
         Hiding { machine: &mut machine, robot: &robot, usage, gyro_peaks, gaps, rng }
             .hide(id, size)
             .ok_or_else(|| format!("`{id}` cannot be hidden in {}", family.name()))
@@ -185,13 +190,14 @@ pub fn draw(case: &Case) -> Result<Drawn, String> {
     Ok(Drawn { robot, recording: played.recording, truths, traces })
 }
 
-/// The effects in a case's background: the same for all cases of a family's seed, less what is the main effect or means the same.
+/// The trace effects of a case. They are the same for all cases of a family's seed, except that the main effect and its equivalents are left out.
 fn traces(case: &Case) -> Vec<String> {
     let mut rng = stream(case.family.stream(), case.seed, Purpose::Traces);
     let mut ids = case.family.effects(case.seed);
     ids.retain(|id| Family::may_be_trace(id));
     ids.shuffle(&mut rng);
-    ids.truncate(rng.random_range(TRACES));
+    let most = (MOST_TRACES * ids.len() as f64) as usize;
+    ids.truncate(rng.random_range(*TRACES.start()..=most.clamp(*TRACES.start(), *TRACES.end())));
     let is_main = |id: &str| case.effect().is_some_and(|main| said::same(case.family, main, id));
     ids.retain(|id| !is_main(id));
     ids.into_iter().map(str::to_owned).collect()

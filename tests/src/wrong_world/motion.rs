@@ -1,4 +1,4 @@
-//! Motions and the controllers that play them: the loop reads encoders and tells inputs, as a machine's own would.
+//! Motions and their controllers. A controller maps encoder readings to inputs once a sample.
 
 use std::f64::consts::TAU;
 
@@ -166,7 +166,7 @@ struct Axis {
     before: Option<f64>,
 }
 
-/// What a controller knows of its axis, in units of the input.
+/// Tuning of one axis, in units of the input.
 #[derive(Debug, Clone, Copy)]
 pub struct Tuning {
     /// Input per acceleration.

@@ -1,4 +1,4 @@
-//! What no equation says: coloured noise, random smooth functions, and the streams of randomness that they are drawn from.
+//! Random numbers of the study: independent streams for each purpose, coloured noise and random smooth functions.
 
 use std::f64::consts::TAU;
 
@@ -6,7 +6,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
-/// What a stream of randomness is for. Each has a stream of its own, so that none disturbs another.
+/// The purposes of random numbers. Each purpose has an independent stream.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u64)]
 pub enum Purpose {
@@ -18,7 +18,7 @@ pub enum Purpose {
     Main = 3,
     /// Effects at trace size.
     Traces = 4,
-    /// Torque that no law holds.
+    /// Unmodelled torque.
     Torque = 5,
     /// Sensors and stamps.
     Sensors = 6,
@@ -26,8 +26,13 @@ pub enum Purpose {
 
 /// The stream of a family's seed for a purpose.
 pub fn stream(family: u64, seed: u64, purpose: Purpose) -> ChaCha8Rng {
+    nth_stream(family, seed, purpose, 0)
+}
+
+/// The n-th of several independent streams for the same purpose.
+pub fn nth_stream(family: u64, seed: u64, purpose: Purpose, nth: u64) -> ChaCha8Rng {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    rng.set_stream(100 * family + purpose as u64);
+    rng.set_stream(1000 * nth + 100 * family + purpose as u64);
     rng
 }
 
@@ -36,7 +41,7 @@ pub fn normal(rng: &mut ChaCha8Rng) -> f64 {
     StandardNormal.sample(rng)
 }
 
-/// An autoregressive process of first order.
+/// A first-order autoregressive process, AR(1).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Coloured {
     sigma: f64,
@@ -45,7 +50,7 @@ pub struct Coloured {
 }
 
 impl Coloured {
-    /// Of standard deviation `sigma` and correlation time `time_s`, sampled every `step_s`; it starts in its stationary distribution.
+    /// Of standard deviation `sigma` and correlation time `time_s`, sampled every `step_s`. The first value is drawn from the stationary distribution.
     pub fn new(sigma: f64, time_s: f64, step_s: f64, rng: &mut ChaCha8Rng) -> Self {
         Self { sigma, decay: (-step_s / time_s).exp(), value: sigma * normal(rng) }
     }
@@ -57,7 +62,7 @@ impl Coloured {
     }
 }
 
-/// A random smooth function: three waves of random length and phase.
+/// A random smooth function: the sum of three sines of random wavelength and phase.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Smooth {
     waves: [[f64; 3]; 3],

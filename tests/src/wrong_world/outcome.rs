@@ -1,4 +1,4 @@
-//! A case from its drawing to what became of it.
+//! Runs one case and compares the diagnosis with the truth.
 
 use std::f64::consts::{PI, TAU};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -14,30 +14,30 @@ use super::effect::Truth;
 use super::said::{self, Estimated, Finding, Standing, Whole};
 use super::{Case, Drawn, Main, draw};
 
-/// What became of a case.
+/// The result of a case.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Outcome {
     /// Which.
     pub case: Case,
-    /// `none`, `named`, `unknown`, `not_separable`; `error` where there was no answer.
+    /// `none`, `named`, `unknown`, `not_separable`; `error` where the diagnosis failed.
     pub verdict: String,
-    /// Why there was no answer.
+    /// Why it failed.
     pub error: Option<String>,
-    /// Why `check` would refuse the recording.
+    /// Errors that `host check` reports for the recording.
     pub obstacles: Vec<String>,
-    /// Effects in the background.
+    /// Ids of the trace effects.
     pub traces: Vec<String>,
-    /// What was named, in that order.
+    /// Findings in their order.
     pub findings: Vec<Finding>,
-    /// What was looked at and rejected.
+    /// Ids of rejected effects.
     pub rejected: Vec<String>,
     /// The main effect's parameters.
     pub parameters: Vec<Compared>,
-    /// What all findings bring on unseen data.
+    /// Joint gain on held-out data.
     pub whole: Option<Whole>,
-    /// Whether that, or what a finding brings, is surely below nothing.
+    /// Whether held-out predictions got worse; see [`said::is_harmed`].
     pub is_harmed: bool,
-    /// Equation, joint and argument of the largest defect that has no name.
+    /// Row, joint and argument of the largest unexplained defect.
     pub place: Option<(String, Option<u64>, String)>,
     /// How long the diagnosis took, s.
     pub seconds: f64,
@@ -52,11 +52,11 @@ pub struct Compared {
     pub truth: f64,
     /// Whether the plant's law means the same number.
     pub is_comparable: bool,
-    /// Null where it was not named.
+    /// Null where no finding has it.
     pub estimate: Option<f64>,
     /// Its interval.
     pub ci95: Option<[f64; 2]>,
-    /// Whether the interval holds the truth; null where there is nothing to compare.
+    /// Whether the interval contains the truth; null without an interval or a comparable truth.
     pub holds: Option<bool>,
 }
 
@@ -66,19 +66,19 @@ impl Outcome {
         self.findings.iter().any(|finding| finding.standing == Standing::Main)
     }
 
-    /// Whether it is the first of those that are not what the file has wrong.
+    /// Whether it is the first finding, errors of the file passed over.
     pub fn begins_with_main(&self) -> bool {
         let mut causes = self.findings.iter().filter(|finding| finding.standing != Standing::File);
         causes.next().is_some_and(|finding| finding.standing == Standing::Main)
     }
 
-    /// How many names are of what is not there.
+    /// Number of false names.
     pub fn false_names(&self) -> usize {
         self.findings.iter().filter(|finding| finding.standing == Standing::False).count()
     }
 }
 
-/// Draws, plays and diagnoses a case.
+/// Draws, simulates and diagnoses a case.
 pub fn outcome(case: &Case) -> Outcome {
     let empty = Outcome {
         case: case.clone(),
@@ -109,7 +109,7 @@ pub fn outcome(case: &Case) -> Outcome {
     }
 }
 
-/// The diagnosis; a panic is an answer of its own kind, and no reason to lose a study.
+/// The diagnosis. A panic is recorded as an error, so that the study goes on.
 fn ask(drawn: &Drawn) -> Result<Diagnosis, String> {
     let options = Options { settings: Settings { threads: 1, ..Settings::default() }, ..Options::default() };
     let answer = catch_unwind(AssertUnwindSafe(|| diagnose(&drawn.robot, &drawn.recording, None, &options, &|_| {})));
@@ -123,11 +123,11 @@ fn ask(drawn: &Drawn) -> Result<Diagnosis, String> {
 }
 
 fn compare(said: &Value, drawn: &Drawn, empty: Outcome) -> Outcome {
-    let Case { family, seed, .. } = empty.case;
+    let family = empty.case.family;
     let standing = |id: &str| match &empty.case.main {
         Main::Effect(main) if said::same(family, main, id) => Standing::Main,
         _ if drawn.traces.iter().any(|trace| said::same(family, trace, id)) => Standing::Trace,
-        _ if family.faults_of_the_file(seed).contains(&id) => Standing::File,
+        _ if family.faults_of_the_file().contains(&id) => Standing::File,
         _ => Standing::False,
     };
     let findings = said::findings(said, standing);
@@ -147,7 +147,7 @@ fn compare(said: &Value, drawn: &Drawn, empty: Outcome) -> Outcome {
 fn compared(truth: &Truth, estimated: Option<Estimated>) -> Compared {
     let Truth { name, value, is_comparable } = truth.clone();
     let (estimate, ci95) = estimated.map_or((None, None), |estimated| (Some(estimated.estimate), estimated.ci95));
-    // A phase is told up to whole turns: the one nearest to the estimate is compared.
+    // Phases are compared modulo a turn.
     let nearest = match estimate {
         Some(estimate) if name.contains(".phi[") => estimate + (value - estimate + PI).rem_euclid(TAU) - PI,
         _ => value,

@@ -1,4 +1,4 @@
-//! Laws that no entry of the catalogue is.
+//! Laws that the catalogue does not contain.
 
 use serde::{Deserialize, Serialize};
 
@@ -99,7 +99,7 @@ pub enum OutsiderKind {
     BeltPull,
 }
 
-/// What a joint does in the motion of a case without any effect: what sizes are shares of.
+/// Statistics of a joint in the motion without effects. Sizes are relative to them.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Usage {
     /// RMS of the input, in its unit.

@@ -1,21 +1,21 @@
-//! What a diagnosis said, read as other programs read it: from JSON, by name, whatever fields a version has.
+//! Reading a diagnosis from JSON. Fields that a version does not have are absent from the outcome.
 
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::family::Family;
 
-/// What a finding is, in the light of the truth.
+/// How a finding compares with the truth.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Standing {
-    /// The main effect, or what means the same on this family.
+    /// The main effect or an equivalent of it.
     Main,
-    /// An effect of the background.
+    /// A trace effect, or an equivalent of one.
     Trace,
-    /// What the file has wrong.
+    /// An error of the robot file that every robot of the family has.
     File,
-    /// Not there.
+    /// None of these: a false name.
     False,
 }
 
@@ -26,26 +26,26 @@ pub struct Finding {
     pub effect: String,
     /// Joints, 1-based.
     pub axes: Vec<usize>,
-    /// In the light of the truth.
+    /// How it compares with the truth.
     pub standing: Standing,
-    /// What it gains on data that the fit has not seen, with its interval, where the version tells: share, then both ends.
+    /// Gain on held-out data, where the version reports it: share, then the ends of its 95 % interval.
     pub holdout: Option<[f64; 3]>,
-    /// How many blocks that interval is from.
+    /// Number of blocks of that interval.
     pub blocks: Option<u64>,
-    /// As the version flags it.
+    /// Flags of the finding.
     pub flags: Vec<String>,
 }
 
-/// The joint gain of all findings on unseen data.
+/// The joint gain of all findings on held-out data.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Whole {
-    /// Share, where the version tells it.
+    /// Share of the prediction error.
     pub share: f64,
     /// Its interval.
     pub ci95: Option<[f64; 2]>,
 }
 
-/// Horizon of the predictions that stand for the gain where a version tells it by channels, s.
+/// Horizon of the gains that are averaged where a version reports gains by channel, s.
 const HORIZON_S: f64 = 0.5;
 
 /// Whether two names mean the same on robots of a family.
@@ -72,7 +72,7 @@ pub fn findings(said: &Value, standing: impl Fn(&str) -> Standing) -> Vec<Findin
     list(&said["findings"]).iter().map(read).collect()
 }
 
-/// What all findings together bring on unseen data: the joint gain where the version tells one, or the mean over the channels half a second ahead.
+/// The joint gain on held-out data; in older versions, the mean gain over the channels half a second ahead.
 pub fn whole(said: &Value) -> Option<Whole> {
     let joint = &said["holdout"];
     if let Some(share) = joint["share"].as_f64() {
@@ -80,12 +80,12 @@ pub fn whole(said: &Value) -> Option<Whole> {
     }
     let channels = list(&said["findings"]).iter().flat_map(|finding| list(&finding["gain"]));
     let of_horizon = channels.filter(|gain| gain["horizon_s"].as_f64() == Some(HORIZON_S));
-    // A sensor of several axes stands beside its axes: only what has no dot or no fellow is told apart by name, so all are taken.
+    // Sensors with several axes are listed beside their axes; the mean is over all entries.
     let gains: Vec<f64> = of_horizon.filter_map(|gain| gain["gain"].as_f64()).collect();
     (!gains.is_empty()).then(|| Whole { share: gains.iter().sum::<f64>() / gains.len() as f64, ci95: None })
 }
 
-/// Whether a prediction got worse: with certainty where an interval is told, on the mean where it is not.
+/// Whether held-out predictions got worse: the 95 % interval lies below zero, or, without an interval, the mean does.
 pub fn is_harmed(findings: &[Finding], whole: Option<&Whole>) -> bool {
     let surely_worse = findings.iter().any(|finding| finding.holdout.is_some_and(|[_, _, high]| high < 0.0));
     surely_worse || whole.is_some_and(|whole| whole.ci95.map_or(whole.share, |[_, high]| high) < 0.0)
@@ -100,19 +100,19 @@ pub struct Estimated {
     pub ci95: Option<[f64; 2]>,
 }
 
-/// The estimate of a parameter of a finding, where the data tell it.
+/// The estimate of a finding's parameter.
 pub fn estimated(said: &Value, name: &str) -> Option<Estimated> {
     let parameters = list(&said["findings"]).iter().flat_map(|finding| list(&finding["parameters"]));
     let found = parameters.into_iter().find(|parameter| parameter["name"].as_str() == Some(name))?;
     Some(Estimated { estimate: found["estimate"].as_f64()?, ci95: interval(found) })
 }
 
-/// Names of what was rejected.
+/// Ids of the rejected effects.
 pub fn rejected(said: &Value) -> Vec<String> {
     list(&said["rejected"]).iter().filter_map(|one| one["effect"].as_str().map(str::to_owned)).collect()
 }
 
-/// Equation, joint and argument of the largest defect that has no name.
+/// Row, joint and argument of the largest unexplained defect.
 pub fn place(said: &Value) -> Option<(String, Option<u64>, String)> {
     let place = list(&said["unexplained"]["where"]).first()?;
     let text = |field: &str| place[field].as_str().map(str::to_owned);

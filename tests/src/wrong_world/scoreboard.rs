@@ -8,13 +8,13 @@ use crate::hidden::wilson;
 use crate::wrong_world::effect::Size;
 use crate::wrong_world::said::Standing;
 
-/// What a study found, for a README.
+/// Counts of a study.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scoreboard {
     rows: Vec<Row>,
     /// Median and slowest of each family, s.
     times: Vec<(Family, f64, f64)>,
-    /// What was said otherwise than hidden, a line a case.
+    /// Cases with another answer than the truth, a line each.
     misses: Vec<String>,
 }
 
@@ -79,11 +79,11 @@ impl Scoreboard {
         let is_false = findings().filter(|finding| finding.standing == Standing::False).count();
         self.push(format!("{name}: findings that are false names"), is_false, findings().count());
         let named: Vec<&Outcome> = outcomes.iter().copied().filter(|outcome| !outcome.findings.is_empty()).collect();
-        self.cases(format!("{name}: unseen data predicted worse, of cases with findings"), &named, |outcome| {
+        self.cases(format!("{name}: held-out predictions worse, of cases with findings"), &named, |outcome| {
             outcome.is_harmed
         });
-        self.cases(format!("{name}: refused by the checks"), outcomes, |outcome| !outcome.obstacles.is_empty());
-        self.cases(format!("{name}: no answer"), outcomes, |outcome| outcome.error.is_some());
+        self.cases(format!("{name}: refused by `host check`"), outcomes, |outcome| !outcome.obstacles.is_empty());
+        self.cases(format!("{name}: failed diagnoses"), outcomes, |outcome| outcome.error.is_some());
     }
 
     fn cases(&mut self, what: String, outcomes: &[&Outcome], is_hit: impl Fn(&Outcome) -> bool) {
@@ -103,7 +103,7 @@ fn is_right_joint(outcome: &Outcome) -> bool {
     axis == Some(kind.joint(joints) as u64 + 1)
 }
 
-/// Whether an answer needs no line of its own.
+/// Whether the answer agrees with the truth.
 fn is_as_hidden(outcome: &Outcome) -> bool {
     let is_found = outcome.case.kind() != Kind::Main || outcome.begins_with_main();
     is_found && outcome.false_names() == 0 && outcome.error.is_none() && !outcome.is_harmed
@@ -124,7 +124,7 @@ fn miss(outcome: &Outcome) -> String {
     };
     let names = outcome.findings.iter().map(|finding| format!("{}{}", finding.effect, mark(finding.standing)));
     let names: Vec<String> = names.collect();
-    let worse = if outcome.is_harmed { ", unseen data predicted worse" } else { "" };
+    let worse = if outcome.is_harmed { ", held-out predictions worse" } else { "" };
     let error = outcome.error.as_ref().map_or_else(String::new, |error| format!(", {error}"));
     format!("{}, seed {seed}, {hidden}: {} [{}]{worse}{error}", family.name(), outcome.verdict, names.join(", "))
 }
@@ -147,7 +147,7 @@ impl fmt::Display for Scoreboard {
             )?;
         }
         if !self.misses.is_empty() {
-            writeln!(f, "\nOther answers than what was hidden:")?;
+            writeln!(f, "\nOther answers than the truth:")?;
             self.misses.iter().try_for_each(|line| writeln!(f, "* {line}"))?;
         }
         Ok(())

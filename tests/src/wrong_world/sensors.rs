@@ -1,4 +1,5 @@
-//! What sensors make of a machine: late, eccentric, quantised and noisy encoders; gyros with a filter, a scale, a range and a drifting bias.
+//! Sensor models: encoders with dead time, eccentricity, noise and quantisation; gyros with a second-order filter, scale errors, a range and a drifting
+//! bias.
 
 use std::collections::VecDeque;
 use std::f64::consts::TAU;

@@ -1,4 +1,4 @@
-//! A machine plays a motion in a closed loop and is recorded.
+//! Closed-loop simulation of a machine and its recording.
 
 use std::collections::VecDeque;
 
@@ -18,12 +18,12 @@ use super::unmodelled::Unmodelled;
 
 /// Step of the plant, s.
 pub const STEP_S: f64 = 2e-4;
-/// How long a machine is held where it starts before it is recorded, s.
+/// Duration of the unrecorded hold before a motion, s.
 const HELD_S: f64 = 1.0;
 /// Standard deviations of stamps in the wrong world, as shares of the period.
 const JITTER: std::ops::Range<f64> = 5e-4..1e-2;
 
-/// A motion that was played.
+/// A simulated motion.
 #[derive(Debug)]
 pub struct Played {
     /// What was recorded.
@@ -34,14 +34,14 @@ pub struct Played {
     pub gyro_peaks: Vec<f64>,
 }
 
-/// The plant left the range of numbers.
+/// The simulation diverged.
 #[derive(Debug)]
 pub struct Diverged {
     /// When, s.
     pub time_s: f64,
 }
 
-/// Plays and records a motion. `rng` is of sensors and of whatever shakes the machine.
+/// Simulates and records a motion. `rng` draws sensor noise and disturbances.
 ///
 /// # Errors
 /// [`Diverged`].
@@ -95,7 +95,7 @@ pub fn play(
     Ok(Played { recording: recorder.finish(source), usage, gyro_peaks })
 }
 
-/// Machine, sensors and what is counted of them.
+/// State, sensors and statistics of a simulation.
 struct Loop<'a> {
     machine: &'a Machine,
     joints: usize,
@@ -174,7 +174,7 @@ impl<'a> Loop<'a> {
         self.sense(h);
     }
 
-    /// Shows the sensors where everything is.
+    /// Updates views and sensors from the state.
     fn sense(&mut self, h: f64) {
         for joint in 0..self.joints {
             self.views[joint] = self.machine.view(&self.state, joint, &self.acting);

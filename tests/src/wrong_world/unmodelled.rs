@@ -1,4 +1,4 @@
-//! Torque that no law holds: coloured noise and a random smooth function of position, a few per cent of the motor's torque; and noise of the input.
+//! Unmodelled torque, coloured noise plus a random smooth function of position, and input noise.
 
 use host::robot::Robot;
 use rand::RngExt;
@@ -10,14 +10,14 @@ use super::family::Family;
 use super::noise::{Coloured, Smooth, normal};
 use super::outsider::Usage;
 
-/// RMS of the torque, as a share of the motor's.
+/// RMS of the unmodelled torque as a share of the motor torque's RMS.
 const SHARE: std::ops::Range<f64> = 0.01..0.05;
-/// Of its square, the part that is a function of position.
+/// Share of its variance that is a function of position.
 const OF_POSITION: std::ops::Range<f64> = 0.1..0.5;
-/// Correlation times of the rest, s; drawn evenly on a logarithmic scale.
+/// Correlation times of the AR(1) part, s; log-uniform.
 const CORRELATED_S: std::ops::Range<f64> = 0.05..0.5;
 
-/// What shakes a machine beside its laws.
+/// The disturbances of a machine.
 #[derive(Debug, Clone)]
 pub struct Unmodelled {
     joints: Vec<Shaking>,
@@ -56,14 +56,14 @@ impl Unmodelled {
         Self { joints, input_sigma: usage.iter().map(|usage| share * usage.input).collect() }
     }
 
-    /// What the inputs really are where these were told.
+    /// Adds the input noise to recorded inputs.
     pub fn spoil_inputs(&self, inputs: &mut [f64], rng: &mut ChaCha8Rng) {
         for (input, sigma) in inputs.iter_mut().zip(&self.input_sigma) {
             *input += sigma * normal(rng);
         }
     }
 
-    /// The torques over a step.
+    /// Sets the torques of a step.
     pub fn act(&mut self, views: &[JointView; MOST], acting: &mut Acting, rng: &mut ChaCha8Rng) {
         for (joint, shaking) in self.joints.iter_mut().enumerate() {
             let view = &views[joint];
