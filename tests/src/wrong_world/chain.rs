@@ -1,7 +1,7 @@
-//! A serial chain of rigid bodies, written for this study alone: recursive Newton–Euler in body axes, with the mass matrix from unit accelerations.
+//! A serial chain of rigid bodies: recursive Newton–Euler in body axes, and the mass matrix from unit accelerations.
 //!
-//! It shares no code with `host::robot::chain`. What both must agree on is the meaning of a description file: a joint's `rotation` takes
-//! vectors from the previous body's axes into the joint's, its `origin_m` is told in the previous body's axes.
+//! It shares no code with `host::robot::chain`. Conventions of a description file: a joint's `rotation` takes vectors from the previous body's axes
+//! into the joint's, and `origin_m` is in the previous body's axes.
 
 use host::robot::{Joint, JointKind};
 use nalgebra::{Matrix3, Rotation3, SMatrix, SVector, Unit, Vector3};
@@ -178,7 +178,7 @@ impl Chain {
         rates
     }
 
-    /// Potential energy of the masses, J, whatever counter-springs bear.
+    /// Potential energy of the masses, J. Counter-springs are not part of it.
     pub fn potential_energy(&self, pose: &Pose) -> f64 {
         let mut energy = 0.0;
         for (i, link) in self.links.iter().enumerate() {

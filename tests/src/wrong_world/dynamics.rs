@@ -244,7 +244,8 @@ impl Machine {
             }
         }
         out[places.sag()] = ((self.sag * drawn).max(0.0) - x[places.sag()]) / self.sag_lag_s;
-        let accelerations = mass.cholesky().map_or_else(Values::zeros, |factor| factor.solve(&torque));
+        // A mass matrix that is not positive definite ends the simulation as diverged.
+        let accelerations = mass.cholesky().map_or_else(|| Values::repeat(f64::NAN), |factor| factor.solve(&torque));
         out.fixed_rows_mut::<MOST>(0).copy_from(&qd);
         out.fixed_rows_mut::<MOST>(MOST).copy_from(&accelerations);
         out

@@ -14,7 +14,7 @@ use super::noise::{Coloured, normal};
 /// Coloured noise of a sensor in the wrong world, as a share of its σ, and its correlation time, s.
 const COLOURED_SHARE: f64 = 0.5;
 const COLOURED_S: f64 = 8e-3;
-/// Group delay of a sound gyro's filter, s.
+/// Group delay of the filter of a gyro without effects, s.
 const GYRO_DELAY_S: f64 = 0.1e-3;
 /// Of the two poles of a gyro's filter, the first has this share of the group delay.
 const FIRST_POLE: f64 = 0.6;
@@ -68,7 +68,7 @@ pub struct GyroTruth {
 }
 
 impl EncoderTruth {
-    /// A sound one, as described.
+    /// As described, without effects.
     pub fn new(side: Side, encoder: &Encoder, gear: f64, zero: f64) -> Self {
         let count = encoder.counts_per_turn.map_or(0.0, |counts| TAU / (f64::from(counts) * gear));
         let mechanical = (encoder.sigma.powi(2) - count * count / 12.0).max(0.0).sqrt();
@@ -77,7 +77,7 @@ impl EncoderTruth {
 }
 
 impl GyroTruth {
-    /// A sound one, as described.
+    /// As described, without effects.
     pub fn new(gyro: &Gyro, rotation: Matrix3<f64>, bias: Vector3<f64>) -> Self {
         let range = gyro.range_rad_s.unwrap_or(35.0);
         let count = range / GYRO_COUNTS;
@@ -94,7 +94,7 @@ impl GyroTruth {
         }
     }
 
-    /// With the filter that every gyro of the wrong world has.
+    /// With the filter that every gyro of this plant has.
     pub fn filtered(mut self) -> Self {
         self.delay_s = GYRO_DELAY_S;
         self

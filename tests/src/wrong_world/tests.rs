@@ -1,4 +1,4 @@
-//! Whether the plant is right, and whether both sides mean the same by a description.
+//! The plant against conservation of energy, and against the estimator on machines without model errors.
 
 use host::calibrate::{Method, Preset, calibrate, comparable_truth};
 use host::effect::{Effect, TrueValue};
@@ -57,7 +57,7 @@ fn a_chain_without_friction_keeps_its_energy() {
         machine.step(&mut state, &Acting::default(), STEP_S);
         swing = swing.max((machine.chain.potential_energy(&machine.chain.pose(&state.chain_positions()))).abs());
     }
-    // What goes to and fro is some 100 J; three seconds of steps of 0.2 ms lose 1e-6 of it.
+    // rtol 1e-6 of the largest potential energy over 3 s, with steps of 0.2 ms
     let lost = energy(&state) - start;
     assert!(lost.abs() < 1e-6 * swing, "{lost} J of {swing} J");
 }
@@ -98,10 +98,9 @@ fn both_chains_have_the_same_mass_gravity_and_coriolis_torques() {
     }
 }
 
-/// Largest relative errors of the estimates that a machine true to its file may have: what noise leaves, and what the integration of one
-/// period a sample does to the file's own friction law.
+/// Relative tolerance of estimates: noise, and the estimator's integration step of one sample period.
 const RTOL: f64 = 0.01;
-/// What starts at zero is told in parts of what is usual: a moment of the bodies (kg m), a zero (rad), a gyro's bias (rad/s) or angle (rad).
+/// Absolute tolerance of parameters near zero: first moments (kg m), zeros (rad), gyro biases (rad/s) and misalignments (rad).
 const ATOL: f64 = 2e-3;
 
 fn calibrates_to_its_truth(family: Family, seed: u64) {

@@ -23,7 +23,7 @@ pub(super) fn hide(to: &mut Hiding<'_>, id: &str, size: Size) -> Option<Vec<Trut
     })
 }
 
-/// Shares of the back-EMF; only differences from the mean of all joints are told.
+/// Shares of the back-EMF. The truth is the difference from the mean of all joints, the part that a recording shows.
 fn viscous(to: &mut Hiding<'_>, size: Size) -> Vec<Truth> {
     let joints = to.all();
     let mut values = Vec::new();
@@ -37,7 +37,7 @@ fn viscous(to: &mut Hiding<'_>, size: Size) -> Vec<Truth> {
     values.iter().enumerate().map(|(joint, value)| of_joint("viscous_friction", "v", joint, value - mean)).collect()
 }
 
-/// Another fall of the friction than the catalogue's Gaussian: the exponent is drawn, so that v_s is another number.
+/// The exponent of the Stribeck curve is drawn; the catalogue's is 2. So v_s is not comparable and has no truth.
 fn stribeck(to: &mut Hiding<'_>, size: Size) -> Vec<Truth> {
     let exponent = to.rng.random_range(0.8..2.2);
     let share = to.rng.random_range(0.02_f64.ln()..0.12_f64.ln()).exp();
