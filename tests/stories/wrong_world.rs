@@ -7,23 +7,23 @@ use tests::wrong_world::outsider::OutsiderKind;
 use tests::wrong_world::{Case, Main, Outcome, Scoreboard, study};
 
 /// At least so many of the main effects are in the list.
-const LEAST_LISTED: usize = 0;
+const LEAST_LISTED: usize = 1;
 /// At most so many false names.
-const MOST_FALSE_NAMES: usize = 3;
+const MOST_FALSE_NAMES: usize = 2;
 /// At most so many cases with worse held-out predictions.
-const MOST_HARMED: usize = 2;
+const MOST_HARMED: usize = 1;
 
-/// A null, an outsider and four main effects in the families with the fastest diagnoses.
+/// Three main effects, two nulls and an outsider in the robot whose diagnosis is the fastest: the carriage, of the odd seeds.
 fn cases() -> Vec<Case> {
     let case = |family, seed, main, size| Case { family, seed, main, size };
     let effect = |id: &str| Main::Effect(id.to_owned());
     vec![
-        case(Family::Elastic2, 1, effect("backlash"), Size::Large),
-        case(Family::Rigid, 1, Main::None, Size::Medium),
-        case(Family::Rigid, 1, effect("asymmetric_friction"), Size::Large),
         case(Family::Rigid, 1, effect("stribeck"), Size::Large),
-        case(Family::Rigid, 2, effect("input_delay"), Size::Large),
-        case(Family::Rigid, 2, Main::Outsider(OutsiderKind::FrictionLag), Size::Large),
+        case(Family::Rigid, 1, effect("asymmetric_friction"), Size::Large),
+        case(Family::Rigid, 3, effect("asymmetric_friction"), Size::Large),
+        case(Family::Rigid, 1, Main::None, Size::Medium),
+        case(Family::Rigid, 3, Main::None, Size::Medium),
+        case(Family::Rigid, 1, Main::Outsider(OutsiderKind::FrictionLag), Size::Large),
     ]
 }
 
