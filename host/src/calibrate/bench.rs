@@ -14,7 +14,7 @@ use super::problem::Problem;
 use super::series::Series;
 use super::trial::{self, Trial};
 use super::trimmed::Trimmed;
-use super::{CalibrateError, Fit, equilibrium, identify, observability, reml};
+use super::{CalibrateError, Fit, equilibrium, identify, observability};
 use crate::model::law::Law;
 use crate::model::{Layout, Model};
 use crate::robot::{InputUnit, Robot, Symbol};
@@ -28,8 +28,6 @@ const EASY_ITERATIONS: usize = 8;
 const EASY: f64 = 1e-4;
 /// A search that still falls when its iterations are used up goes on, so many times as far.
 const WHILE_FALLING: usize = 2;
-/// Rounds of an estimate of the noise between searches.
-const NOISE_ROUNDS: usize = 4;
 /// Iterations after which more laws explain more, or are about to, or never do.
 const HOPELESS: usize = 12;
 
@@ -102,18 +100,6 @@ impl<'a> Bench<'a> {
             base = bench.search(&[], &known, Effort::of(iterations))?;
         }
         Ok((bench, base))
-    }
-
-    /// The same bench under the noise that the model of `trial` leaves, estimated by restricted maximum likelihood, but no less than `least`.
-    ///
-    /// # Errors
-    /// A model that cannot be built or factorised.
-    pub fn under_noise_of(&self, trial: &Trial, least: &Noise) -> Result<Self, CalibrateError> {
-        let model = Model::extended(self.robot, trial.laws.clone())?;
-        let (mut problem, point, _) = self.at(&model, &trial.known());
-        reml::estimate_in(NOISE_ROUNDS, &mut problem, self.robot, &point, self.settings.threads)?;
-        let noise = problem.noise().carried(model.layout(), &self.layout, least.clone());
-        Ok(Bench { noise: noise.at_least(least), ..self.clone() })
     }
 
     /// The samples.

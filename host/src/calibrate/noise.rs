@@ -70,13 +70,6 @@ impl Noise {
         Noise { channels: self.channels.clone(), process }
     }
 
-    /// No less than `least`, of the same model.
-    pub fn at_least(mut self, least: &Noise) -> Self {
-        let pairs = self.channels.iter_mut().zip(&least.channels).chain(self.process.iter_mut().zip(&least.process));
-        pairs.for_each(|(own, least)| *own = own.max(*least));
-        self
-    }
-
     /// How many times as large the noise of the steps is as that of `other`, at most.
     pub fn steps_over(&self, other: &Noise) -> f64 {
         self.process.iter().zip(&other.process).map(|(own, other)| own / other).fold(0.0, f64::max)

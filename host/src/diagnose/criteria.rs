@@ -5,20 +5,20 @@
 
 /// Blocks of time that a diagnosis looks at. The scatter between them is the only error model, so there must be enough of them for an interval (eight)
 /// and each must be long against the correlation of residuals.
-pub const BLOCKS: usize = 24;
+pub const BLOCKS: usize = 30;
 
 /// Of the blocks, those that are taken where the base model fits the whole recording worst; the others are spread evenly. An event lasts for one block, and
 /// saturation for a few.
 pub const WORST_BLOCKS: usize = 4;
 
 /// Samples of all blocks together of a robot of [`STATES`] states; a recording of up to three times as many is looked at whole.
-pub const SAMPLES: usize = 9_600;
+pub const SAMPLES: usize = 12_000;
 
 /// Noise of steps so many times what steps have at least, from which on events are looked for in what the greater part of the recording leaves.
 pub const WRONG: f64 = 3.0;
 
 /// Samples of all blocks that a scan looks at.
-pub const SCAN_SAMPLES: usize = 4_800;
+pub const SCAN_SAMPLES: usize = 6_000;
 
 /// States of the robot that the numbers of samples are given for: cost goes with the square of the states.
 pub const STATES: usize = 12;
@@ -29,10 +29,10 @@ pub const LEAST_BLOCK: usize = 40;
 /// Share of recordings without an effect in which any law of the catalogue may pass the scan's test.
 pub const LEVEL: f64 = 0.01;
 
-/// Laws that are refitted in each round, the best of the scan, and at most so many more that are collinear with the best.
+/// Laws that are refitted in each round, the best of the scan, and at most so many more that are collinear with the best or act on the same quantity.
 pub const REFITTED: usize = 3;
 /// See [`REFITTED`].
-pub const COLLINEAR_REFITTED: usize = 3;
+pub const RIVALS_REFITTED: usize = 3;
 
 /// A law whose tangent gains less than this share of the best one's waits for the next round.
 pub const PROMISING: f64 = 0.1;

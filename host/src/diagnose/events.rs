@@ -66,11 +66,11 @@ pub fn p_of_event(gained: f64, freedom: usize, elsewhere: &[f64], times: usize) 
     p_of_family(p, times)
 }
 
-/// Laws started from what the greater part of the recording shows of events and contacts, best first.
+/// Laws of contacts started from what the greater part of the recording shows of them, best first.
 pub fn from_clues(trimmed: Option<&Trimmed>, candidates: &[Candidate]) -> Vec<Named> {
     let starts = |candidate: &Candidate| {
         let effect = candidate.effect;
-        let first = candidate.alternatives.first().filter(|law| law.is_event());
+        let first = candidate.alternatives.first().filter(|law| law.is_event() && law.event_s().is_none());
         let laws = trimmed.zip(first).map_or_else(Vec::new, |(trimmed, law)| law.starts(&trimmed.clues));
         laws.into_iter().map(move |law| Named { effect, law })
     };

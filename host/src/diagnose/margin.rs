@@ -5,7 +5,7 @@
 use super::catalogue::catalogue;
 use super::refit::{Fitted, Refit};
 use super::selection::first_refits;
-use super::{DiagnoseError, bench, fitted_and_unseen, yardstick};
+use super::{DiagnoseError, bench, fitted_and_unseen};
 use crate::calibrate::{Method, Preset, fit};
 use crate::effect::Effect;
 use crate::recording::Recording;
@@ -30,7 +30,7 @@ pub fn margin(
     let contiguous = bench.is_contiguous();
     let (candidates, _) = catalogue(robot, &[]);
     let on_bench = Fitted::of(&bench, &contiguous, trial)?;
-    let refit = Refit { bench, least_noise: yardstick(robot, &base.series), contiguous, trimmed: None };
+    let refit = Refit { bench, contiguous, trimmed: None };
     let refits = first_refits(&refit, on_bench, &candidates, effect)?;
     Ok(over_the_nearest(&refits, effect.id))
 }

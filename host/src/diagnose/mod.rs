@@ -6,8 +6,8 @@
 //!   another motion ────────────────────────── asked once: joint gain of all, of each ◀──────┘──▶ result
 //! ```
 //!
-//! The method is that of stochastic grey-box models (Kristensen, Madsen, Jørgensen 2004): estimate the noise that a model leaves, look for what explains the
-//! residuals under it, and estimate it again. One currency decides: the prediction of blocks of time that a fit has not seen. One error model goes with it: the scatter between blocks.
+//! The method is that of stochastic grey-box models (Kristensen, Madsen, Jørgensen 2004): fix the noise first, look for what explains the
+//! residuals under it. One currency decides: the prediction of blocks of time that a fit has not seen. One error model goes with it: the scatter between blocks.
 //! Every objection is a number or a flag on a finding; none deletes another finding.
 
 mod axes;
@@ -110,14 +110,14 @@ pub fn diagnose(
     let contiguous = bench.is_contiguous();
     let (candidates, unsuited) = catalogue::catalogue(robot, &options.without);
     let plausibility = Plausibility::of(&bench, &trial);
-    let has_events = candidates.iter().any(|candidate| candidate.alternatives.iter().any(|law| law.is_event()));
-    let least_noise = yardstick(robot, &base.series);
-    let is_wrong = base.noise.steps_over(&least_noise) > criteria::WRONG;
-    let trimmed = if has_events && is_wrong { bench.trimmed().unwrap_or_default() } else { None };
+    let is_contact = |law: &std::sync::Arc<dyn crate::model::law::Law>| law.is_event() && law.event_s().is_none();
+    let has_contacts = candidates.iter().any(|candidate| candidate.alternatives.iter().any(is_contact));
+    let is_wrong = base.noise.steps_over(&yardstick(robot, &base.series)) > criteria::WRONG;
+    let trimmed = if has_contacts && is_wrong { bench.trimmed().unwrap_or_default() } else { None };
     let clues = events::from_clues(trimmed.as_ref(), &candidates);
     let on_bench = Fitted::of(&bench, &contiguous, trial)?;
-    let mut refit = Refit { bench, least_noise, contiguous, trimmed };
-    let mut selection = selection::select(&mut refit, on_bench, (&candidates, &clues), &plausibility, step)?;
+    let refit = Refit { bench, contiguous, trimmed };
+    let mut selection = selection::select(&refit, on_bench, (&candidates, &clues), &plausibility, step)?;
 
     step("looking for curves");
     let (bench, samples) = (&refit.bench, refit.bench.series().stages());
@@ -171,12 +171,12 @@ fn fitted_and_unseen(recording: &Recording) -> [Recording; 2] {
     [recording.part(0..cut), recording.part(cut..recording.len())]
 }
 
-/// The blocks that a diagnosis looks at, and the base model on them under the noise that it leaves: what it takes its errors for.
+/// The blocks that a diagnosis looks at, and the base model on them under the noise that sensors and steps have by themselves: noise that is estimated takes model errors for its own.
 ///
 /// # Errors
 /// As a calibration's.
 pub fn bench<'r>(robot: &'r Robot, base: &Fit, settings: &Settings) -> Result<(Bench<'r>, Trial), CalibrateError> {
-    let noise = base.noise.clone().at_least(&yardstick(robot, &base.series));
+    let noise = yardstick(robot, &base.series);
     let settings = Settings { relative_cost_change: ENOUGH, max_iterations: MOST_ITERATIONS, ..settings.clone() };
     let states = Model::new(robot).layout().size();
     let wanted = (samples_for(states, SAMPLES), BLOCKS, WORST_BLOCKS);

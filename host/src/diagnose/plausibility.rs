@@ -1,9 +1,13 @@
 //! Whether sizes are such as robots have: standard deviations on the logarithmic scale beyond what is typical. A flag on a finding, never a reason to drop one.
 
 use super::axes::is_of;
-use crate::calibrate::{Bench, Trial};
+use crate::calibrate::{Bench, Trial, TrialValue};
 use crate::effect::{Effect, RobotScales};
 use crate::model::law::Law;
+
+/// Standard errors beyond a range, and share of the largest size on all joints, from which on a size is beyond it for sure.
+const SURE: f64 = 3.0;
+const LEFT_OVER: f64 = 0.1;
 
 /// The scales of a robot on its recording.
 #[derive(Debug, Clone)]
@@ -41,6 +45,25 @@ impl Plausibility {
     pub fn of_law(&self, effect: &Effect, trial: &Trial) -> f64 {
         let own = trial.values.iter().filter(|value| is_of(effect, &value.name));
         own.map(|value| self.of_value(effect, &value.name, value.estimate)).fold(0.0, f64::max)
+    }
+
+    /// A size of the law that no robot can have: beyond its range for sure, and by more than what a law leaves on one joint of what it explains on others. Such a law is the shape
+    /// of something else.
+    pub fn impossible<'t>(&self, effect: &Effect, law: &dyn Law, trial: &'t Trial) -> Option<&'t TrialValue> {
+        let is_size = |name: &str| effect.parameter(name).is_some_and(|parameter| parameter.role.is_size());
+        let sizes = || law.parameters().results.iter().filter(|result| is_size(&result.name));
+        let value = |name: &str| trial.value(name);
+        let largest = |unit: &str| {
+            let of_unit = sizes().filter_map(|result| value(&result.name)).filter(|value| value.unit == unit);
+            of_unit.map(|value| value.estimate.abs()).fold(0.0, f64::max)
+        };
+        sizes().find_map(|result| {
+            let value = value(&result.name)?;
+            let [low, high] = result.range;
+            let beyond = (low - value.estimate).max(value.estimate - high);
+            let sure = (SURE * value.std_error.unwrap_or(0.0)).max(LEFT_OVER * largest(value.unit));
+            (beyond > sure).then_some(value)
+        })
     }
 
     /// Whether a size of the law ends at, or beyond, the end of what a robot can have.

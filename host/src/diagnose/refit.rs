@@ -6,7 +6,7 @@ use super::block_scores::left_out;
 use super::catalogue::{Named, laws};
 use super::criteria::STATES;
 use super::cross_validation::log_gain;
-use crate::calibrate::{Bench, BlockFit, CalibrateError, Noise, Trial, Trimmed};
+use crate::calibrate::{Bench, BlockFit, CalibrateError, Trial, Trimmed};
 use crate::model::law::Law;
 
 /// Iterations of a law, of one of an event, and of a model that lost one.
@@ -59,6 +59,15 @@ impl Fitted {
         self.gains((&other.own, &self.own), other)
     }
 
+    /// The same model whose blocks are predicted no better in all than with its own parameters: a step that was not made is no gain.
+    fn no_better_than_own(mut self, other: &Fitted) -> Self {
+        let sum = |gains: Vec<f64>| gains.iter().sum::<f64>();
+        if sum(self.gains_over(other)) > sum(self.own_gains_over(other)) {
+            self.left_out = self.left_out.iter().zip(&self.own).map(|(left_out, own)| left_out.max(*own)).collect();
+        }
+        self
+    }
+
     fn gains(&self, (before, after): (&[f64], &[f64]), other: &Fitted) -> Vec<f64> {
         let of_block = |b: usize| {
             log_gain(before[b], after[b], other.freedom[b]) + other.log_determinants[b] - self.log_determinants[b]
@@ -77,10 +86,8 @@ pub fn samples_for(states: usize, of_doggy: usize) -> usize {
 
 /// On top of what laws are refitted, and where.
 pub struct Refit<'a> {
-    /// The samples, under the noise that the current model leaves.
+    /// The samples.
     pub bench: Bench<'a>,
-    /// The noise that sensors and steps have at least.
-    pub least_noise: Noise,
     /// Of every block but the last, whether the next one follows on it.
     pub contiguous: Vec<bool>,
     /// The base model beside events, where the recording shows some.
@@ -123,18 +130,6 @@ impl Refit<'_> {
         Fitted::of(&self.bench, &self.contiguous, trial)
     }
 
-    /// Goes on under the noise that the model of `current` leaves: what it took for noise before its last law was found is more than it has now. The model there.
-    ///
-    /// # Errors
-    /// As a calibration's.
-    pub fn renew_noise(&mut self, current: &Fitted) -> Result<Fitted, CalibrateError> {
-        let bench = self.bench.under_noise_of(&current.trial, &self.least_noise)?;
-        let trial = bench.fit(&current.trial.laws, &current.trial, DROP_ITERATIONS)?;
-        let fitted = Fitted::of(&bench, &self.contiguous, trial)?;
-        self.bench = bench;
-        Ok(fitted)
-    }
-
     fn tried(
         &self,
         accepted: &[Named],
@@ -143,7 +138,16 @@ impl Refit<'_> {
         search: impl Fn(&[Arc<dyn Law>]) -> Result<Trial, CalibrateError>,
     ) -> Option<(Named, Fitted)> {
         let with = laws(accepted.iter().chain([named]));
-        let fitted = search(&with).and_then(|trial| Fitted::of(&self.bench, &self.contiguous, trial));
+        let sum = |gains: Vec<f64>| gains.iter().sum::<f64>();
+        let measured = |trial: Trial| Fitted::of(&self.bench, &self.contiguous, trial);
+        let mut fitted = search(&with).and_then(measured);
+        // Blocks promise more than all of them together have: the search has not ended yet.
+        if let Ok(first) = &fitted
+            && sum(first.gains_over(current)) > sum(first.own_gains_over(current)).max(0.0)
+        {
+            fitted = self.bench.fit(&with, &first.trial, ITERATIONS).and_then(measured);
+        }
+        let fitted = fitted.map(|fitted| fitted.no_better_than_own(current));
         match fitted {
             Ok(fitted) if fitted.left_out.iter().all(|cost| cost.is_finite()) => {
                 let gain: f64 = fitted.gains_over(current).iter().sum();

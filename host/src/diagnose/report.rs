@@ -26,7 +26,7 @@ const CONSTANT: f64 = 1e-3;
 
 /// What a diagnosis has in its hands.
 pub struct Evidence<'a> {
-    /// The samples, under the noise that the final model leaves.
+    /// The samples.
     pub refit: &'a Refit<'a>,
     /// The robot's scales.
     pub plausibility: &'a Plausibility,
@@ -211,7 +211,7 @@ pub fn report(
 }
 
 impl Evidence<'_> {
-    /// What the base model leaves unexplained: what the findings gain together, under the noise that they leave, and what the best curve would still gain.
+    /// What the base model leaves unexplained: what the findings gain together, and what the best curve would still gain.
     fn excess(&self, left: f64) -> f64 {
         let selection = self.selection;
         let explained = if selection.accepted.is_empty() {

@@ -13,7 +13,7 @@ use super::axes::axes_of_step;
 use super::block_scores::{LawScore, collinearity, score_laws};
 use super::catalogue::{Candidate, Named};
 use super::criteria::{
-    BLOCKS, COLLINEAR, COLLINEAR_REFITTED, LEVEL, MOST_FINDINGS, PROMISING, REFITTED, SCAN_SAMPLES,
+    BLOCKS, COLLINEAR, LEVEL, MOST_FINDINGS, PROMISING, REFITTED, RIVALS_REFITTED, SCAN_SAMPLES,
 };
 use super::events::{at_worst_times, p_of_event, timed};
 use super::interval::{Gain, bca, standard_error};
@@ -125,7 +125,7 @@ struct Tried {
 /// # Errors
 /// As a calibration's, of a model that was accepted; a law that cannot be fitted is passed over.
 pub fn select(
-    refit: &mut Refit<'_>,
+    refit: &Refit<'_>,
     base: Fitted,
     (candidates, clues): (&[Candidate], &[Named]),
     plausibility: &Plausibility,
@@ -152,10 +152,6 @@ pub fn select(
         selection.current = rivals.fitted;
         selection.accepted.push(chosen);
         step("looking at what it stands for");
-        match refit.renew_noise(&selection.current) {
-            Ok(current) => selection.current = current,
-            Err(error) => tracing::debug!(%error, "the noise stays as it was"),
-        }
         drop_superfluous(refit, &mut selection)?;
         exchange(refit, &mut selection, plausibility);
     }
@@ -177,6 +173,8 @@ fn scan(refit: &Refit<'_>, selection: &Selection, candidates: &[Candidate]) -> R
     let of_each = score_laws(&scores, &bench.is_contiguous(), false);
     let count = of_each.iter().filter(|score| matches!(score, Ok(Some(_)))).count();
     let (mut scanned, mut not_finite): (Vec<Scanned>, Vec<(&'static str, usize)>) = (Vec::new(), Vec::new());
+    // Scores of each law of a single event at all times, the best of which is one.
+    let mut at_times: Vec<(&'static str, f64)> = Vec::new();
     for (named, score) in named.into_iter().zip(of_each) {
         let score = match score {
             Ok(Some(score)) => score,
@@ -189,6 +187,9 @@ fn scan(refit: &Refit<'_>, selection: &Selection, candidates: &[Candidate]) -> R
                 continue;
             }
         };
+        if named.law.event_s().is_some() {
+            at_times.push((named.effect.id, score.score));
+        }
         let p_family = p_of_family(score.p, count);
         let axes = axes_of_step(&*named.law, &score);
         let new = Scanned { named, score, p_family, axes };
@@ -199,6 +200,11 @@ fn scan(refit: &Refit<'_>, selection: &Selection, candidates: &[Candidate]) -> R
             Some(other) => *other = new,
             None => scanned.push(new),
         }
+    }
+    for event in scanned.iter_mut().filter(|s| s.named.law.event_s().is_some()) {
+        let of_same = at_times.iter().filter(|(id, _)| *id == event.named.effect.id).map(|(_, score)| *score);
+        let elsewhere: Vec<f64> = of_same.filter(|score| *score < event.score.score).collect();
+        event.p_family = p_of_event(event.score.score, event.score.freedom, &elsewhere, bench.series().stages());
     }
     scanned.sort_by(|a, b| b.score.gain().total_cmp(&a.score.gain()));
     for s in scanned.iter().take(10) {
@@ -261,14 +267,20 @@ fn refitted(refit: &Refit<'_>, selection: &Selection, scan: &Scan, clues: &[Name
         }));
     }
     let is_event = |s: &&Scanned| s.named.law.event_s().is_some();
-    let (events, others): (Vec<&Scanned>, Vec<&Scanned>) = scan.scanned.iter().partition(is_event);
+    let (mut events, others): (Vec<&Scanned>, Vec<&Scanned>) = scan.scanned.iter().partition(is_event);
+    events.retain(|event| event.p_family < LEVEL);
     let most = others.iter().map(|s| s.score.gain()).fold(0.0, f64::max);
     let promising = |s: &&Scanned| s.score.gain() > 0.0 && s.score.gain() >= PROMISING * most;
-    let gaining: Vec<&Scanned> = others.into_iter().filter(promising).collect();
-    let (first, rest) = gaining.split_at(REFITTED.min(gaining.len()));
-    let is_collinear =
-        |s: &&&Scanned| first.first().is_some_and(|best| collinearity(&scan.scores, &best.score, &s.score) > COLLINEAR);
-    let wanted = first.iter().chain(rest.iter().filter(is_collinear).take(COLLINEAR_REFITTED));
+    let count = others.iter().copied().filter(promising).count().min(REFITTED);
+    let (first, rest) = others.split_at(count);
+    // What may stand for the best: what does the same to the residuals, or acts on the same quantity.
+    let is_rival = |s: &&&Scanned| {
+        first.first().is_some_and(|best| {
+            let shares_a_hook = best.named.law.hooks().iter().any(|hook| s.named.law.hooks().contains(hook));
+            shares_a_hook || collinearity(&scan.scores, &best.score, &s.score) > COLLINEAR
+        })
+    };
+    let wanted = first.iter().chain(rest.iter().filter(is_rival).take(RIVALS_REFITTED));
     for s in wanted.copied().chain(events) {
         let timed_law = if s.named.law.event_s().is_some() {
             timed((&refit.bench, &current.trial), s.named.clone())
@@ -343,7 +355,14 @@ fn choose(
         freedom: tried.freedom,
         implausibility: plausibility.of_law(tried.named.effect, &tried.fitted.trial),
     };
-    let supported: Vec<bool> = tried.iter().map(|tried| is_supported(tried)).collect();
+    let is_possible = |tried: &Tried| {
+        let impossible = plausibility.impossible(tried.named.effect, &*tried.named.law, &tried.fitted.trial);
+        if let Some(value) = impossible {
+            tracing::debug!(effect = tried.named.effect.id, name = value.name, value = value.estimate, "no robot has this");
+        }
+        impossible.is_none()
+    };
+    let supported: Vec<bool> = tried.iter().map(|tried| is_supported(tried) && is_possible(tried)).collect();
     let top = (0..tried.len()).filter(|i| supported[*i]).max_by(|a, b| gain(&tried[*a]).total_cmp(&gain(&tried[*b])))?;
     // Those that may stand for it: their columns do the same to the residuals.
     let alike = |i: usize| match (&tried[top].score, &tried[i].score) {
