@@ -58,9 +58,7 @@ pub(super) fn left(diagnosis: &Diagnosis, names: &Names<'_>) -> Section {
         ));
     }
     if left.places.is_empty() {
-        section.prose(
-            "No place of it is known: no curve of one argument still predicts blocks that it was not fitted to.",
-        );
+        section.prose("No curve of one argument explains enough of it to name its place.");
     } else {
         section.prose("Where it is. The same misfit may follow several arguments, so that shares do not add up:");
         section.list(left.places.iter().map(|defect| {
