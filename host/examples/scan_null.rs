@@ -7,9 +7,9 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use host::calibrate::{Bench, Preset, fit};
-use host::diagnose::scan::Scan;
-use host::diagnose::yardstick;
+use host::calibrate::{Preset, fit};
+use host::diagnose::criteria::{BLOCKS, SCAN_SAMPLES};
+use host::diagnose::{bench, p_of_family, score_laws};
 use host::effect::{CATALOGUE, Effect};
 use host::model::law::Law;
 use host::robot::Robot;
@@ -18,9 +18,6 @@ use solve::levenberg::Settings;
 
 /// The first of the seeds.
 const FIRST: u64 = 101;
-/// Samples looked at, and windows of the recording that they come from: as the diagnosis does.
-const SAMPLES: usize = 4_000;
-const WINDOWS: usize = 8;
 /// Where the distribution is told.
 const LEVELS: [f64; 5] = [0.01, 0.05, 0.1, 0.5, 0.9];
 
@@ -37,22 +34,22 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     for seed in FIRST..FIRST + robots {
         let simulated = Direct::record(&Options { seed, ..Options::new(robot.clone()) }, SHORT_MOTION)?;
         let base = fit(&robot, &[&simulated.recording], Preset::Default, &Settings::default(), |_, _| {})?;
-        let noise = yardstick(&robot, &base.series);
-        let part = base.series.excerpt(SAMPLES, WINDOWS).unwrap_or_else(|| base.series.clone());
-        let (bench, trial) = Bench::new(&robot, part, &base, noise, Settings::default())?;
+        let (bench, trial) = bench(&robot, &base, &Settings::default())?;
+        let (bench, trial) = bench.thinned(&trial, SCAN_SAMPLES / BLOCKS);
         let clock = Instant::now();
-        let scores = bench.scores(&trial, &laws)?;
+        let scores = bench.block_scores(&trial, &laws)?;
         let seconds = clock.elapsed().as_secs_f64();
-        let scan = Scan::of(&scores, trial.inflation);
-        let p: Vec<f64> = scan.scores.iter().flatten().map(|score| score.p).collect();
-        for (count, score) in often.iter_mut().zip(&scan.scores) {
-            *count += usize::from(score.as_ref().is_some_and(|score| score.p < LEVELS[0]));
+        let columns = scores.alone.len();
+        let scored = score_laws(&scores, &bench.is_contiguous(), false);
+        let of_law: Vec<Option<f64>> = scored.iter().map(|law| Some(law.as_ref().ok()?.as_ref()?.p)).collect();
+        for (count, p) in often.iter_mut().zip(&of_law) {
+            *count += usize::from(p.is_some_and(|p| p < LEVELS[0]));
         }
-        let family = scan.p_of_family(p.iter().copied().fold(1.0, f64::min));
+        let p: Vec<f64> = of_law.into_iter().flatten().collect();
+        let family = p_of_family(p.iter().copied().fold(1.0, f64::min), p.len());
         eprintln!(
-            "robot {seed}: {} laws, {} columns of {} samples in {seconds:.1} s; the whole catalogue's p {family:.3}",
+            "robot {seed}: {} laws, {columns} columns of {} samples in {seconds:.1} s; the whole catalogue's p {family:.3}",
             p.len(),
-            scores.gradient.len(),
             bench.series().stages()
         );
         all.extend(p);

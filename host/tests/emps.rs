@@ -71,6 +71,36 @@ fn published_figures_come_out_with_and_without_direction_dependent_friction() {
 }
 
 #[test]
+fn the_diagnosis_finds_friction_by_direction_its_rise_at_low_speed_and_the_ripple_of_the_screw() {
+    let Some(data) = machine("emps") else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    for (table, run) in [("emps_id.csv", "id.mcap"), ("emps_pulses_val.csv", "pulses.mcap")] {
+        host(at, &["import", data.join(table).to_str().unwrap(), "--robot", "emps", "-o", run], 0);
+    }
+    host(at, &["diagnose", "id.mcap", "--holdout", "pulses.mcap", "-o", "diagnosis.json"], 10);
+    let diagnosis = json(&at.join("diagnosis.json"));
+    let findings = diagnosis["findings"].as_array().unwrap();
+    let find = |id: &str| findings.iter().find(|finding| finding["effect"] == id);
+    assert_eq!(findings[0]["effect"], "asymmetric_friction", "{}", diagnosis["summary"]);
+    // Published: half the difference of 166.7 and 240.3 N s/m.
+    within(&parameter(&findings[0]["parameters"], "asymmetric_friction.dv[1]")["estimate"], DV);
+    assert!(find("stribeck").is_some(), "{}", diagnosis["summary"]);
+    let ripple = find("cogging").unwrap_or_else(|| panic!("{}", diagnosis["summary"]));
+    // Its phase is another one on the motion with pulses.
+    assert!(ripple["flags"].as_array().unwrap().iter().any(|flag| flag == "own_phase"), "{ripple}");
+    let gains = diagnosis["holdout_gain"]["by_horizon"].as_array().unwrap();
+    let ahead = gains.iter().find(|gain| gain["horizon_s"] == 0.5).unwrap();
+    assert!(ahead["share"].as_f64().unwrap() >= 0.25 && ahead["ci95"][0].as_f64().unwrap() > 0.0, "{ahead}");
+    for finding in findings {
+        assert!(finding["holdout_gain"]["ci95"][1].as_f64().unwrap() > 0.0, "{finding}");
+    }
+}
+
+/// What Δv comes out as: −36.8 N s/m published.
+const DV: std::ops::RangeInclusive<f64> = -39.8..=-33.0;
+
+#[test]
 fn options_of_the_torque_metric_belong_to_it() {
     let folder = tempfile::tempdir().unwrap();
     let text = host(folder.path(), &["verify", "cal.json", "run.mcap", "--identify-on", "run.mcap"], 2);

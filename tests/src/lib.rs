@@ -1,4 +1,4 @@
-//! The studies of how often intervals hold the truth and how often hidden effects are found, the riddle of the bearing, and helpers of the stories: the `host` binary run as a process, scratch folders, the folder of independent recordings.
+//! The studies of how often intervals hold the truth and how often hidden effects are found, also in robots outside of the model class, the riddle of the bearing, and helpers of the stories: the `host` binary run as a process, scratch folders, the folder of independent recordings.
 #![forbid(unsafe_code)]
 
 pub mod coverage;
@@ -6,6 +6,7 @@ pub mod hidden;
 pub mod machine;
 pub mod riddle;
 pub mod study;
+pub mod wrong_world;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};

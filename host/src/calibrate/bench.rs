@@ -7,17 +7,14 @@
 use std::sync::Arc;
 
 use super::extension::{self, Known};
-use super::inflation::inflation;
 use super::noise::Noise;
-use super::noise_free::NoiseFree;
 use super::point::Point;
-use super::possible::Beyond;
 use super::preset::Preset;
 use super::problem::Problem;
 use super::series::Series;
 use super::trial::{self, Trial};
 use super::trimmed::Trimmed;
-use super::{CalibrateError, Fit, equilibrium, identify, observability};
+use super::{CalibrateError, Fit, equilibrium, identify, observability, reml};
 use crate::model::law::Law;
 use crate::model::{Layout, Model};
 use crate::robot::{InputUnit, Robot, Symbol};
@@ -31,10 +28,10 @@ const EASY_ITERATIONS: usize = 8;
 const EASY: f64 = 1e-4;
 /// A search that still falls when its iterations are used up goes on, so many times as far.
 const WHILE_FALLING: usize = 2;
+/// Rounds of an estimate of the noise between searches.
+const NOISE_ROUNDS: usize = 4;
 /// Iterations after which more laws explain more, or are about to, or never do.
 const HOPELESS: usize = 12;
-/// Searches in which what leaves its range is held at its end.
-const ROUNDS_WITHIN: usize = 3;
 
 /// How long a search goes on.
 #[derive(Debug, Clone, Copy)]
@@ -99,12 +96,24 @@ impl<'a> Bench<'a> {
         // Its states belong to other samples.
         known.states = &[];
         let iterations = bench.settings.max_iterations;
-        let mut base = bench.search(&[], &known, &[], Effort::of(iterations))?;
+        let mut base = bench.search(&[], &known, Effort::of(iterations))?;
         bench.weak = bench.weak_directions(&base)?;
         if !bench.weak.is_empty() {
-            base = bench.search(&[], &known, &[], Effort::of(iterations))?;
+            base = bench.search(&[], &known, Effort::of(iterations))?;
         }
         Ok((bench, base))
+    }
+
+    /// The same bench under the noise that the model of `trial` leaves, estimated by restricted maximum likelihood, but no less than `least`.
+    ///
+    /// # Errors
+    /// A model that cannot be built or factorised.
+    pub fn under_noise_of(&self, trial: &Trial, least: &Noise) -> Result<Self, CalibrateError> {
+        let model = Model::extended(self.robot, trial.laws.clone())?;
+        let (mut problem, point, _) = self.at(&model, &trial.known());
+        reml::estimate_in(NOISE_ROUNDS, &mut problem, self.robot, &point, self.settings.threads)?;
+        let noise = problem.noise().carried(model.layout(), &self.layout, least.clone());
+        Ok(Bench { noise: noise.at_least(least), ..self.clone() })
     }
 
     /// The samples.
@@ -127,7 +136,7 @@ impl<'a> Bench<'a> {
     /// # Errors
     /// A model that cannot be built or solved.
     pub fn fit(&self, laws: &[Arc<dyn Law>], from: &Trial, iterations: usize) -> Result<Trial, CalibrateError> {
-        self.search(laws, &from.known(), &[], Effort::of(iterations))
+        self.search(laws, &from.known(), Effort::of(iterations))
     }
 
     /// [`Self::fit`] of laws on top of those of `from`, a trial on this bench. Gives up where they lead to more than they started from, and do not fall fast.
@@ -136,26 +145,7 @@ impl<'a> Bench<'a> {
     /// A model that cannot be built or solved.
     pub fn fit_on_top(&self, laws: &[Arc<dyn Law>], from: &Trial, iterations: usize) -> Result<Trial, CalibrateError> {
         let hopeless = Some(Hopeless { after: HOPELESS, above: from.cost });
-        self.search(laws, &from.known(), &[], Effort { iterations, hopeless })
-    }
-
-    /// Fits the laws of `trial` again from its end, with what no robot can have held at the end of its range. What follows from that may be
-    /// beyond its own range, and is held too.
-    ///
-    /// # Errors
-    /// A model that cannot be solved.
-    pub fn fit_within(&self, trial: &Trial, iterations: usize) -> Result<Trial, CalibrateError> {
-        let (mut trial, mut ends) = (trial.clone(), Vec::new());
-        for _ in 0..ROUNDS_WITHIN {
-            let beyond = trial.beyond();
-            if beyond.is_empty() {
-                break;
-            }
-            ends.extend(beyond);
-            let next = self.search(&trial.laws, &trial.known(), &ends, Effort::of(iterations))?;
-            trial = next;
-        }
-        Ok(trial)
+        self.search(laws, &from.known(), Effort { iterations, hopeless })
     }
 
     /// Fits the base model with `laws` from the values of one trial, which may be another bench's, and the states of a trial on this one.
@@ -171,20 +161,15 @@ impl<'a> Bench<'a> {
         self.search(
             laws,
             &Known { states: &states.states, layout: &states.layout, ..values.known() },
-            &[],
             Effort::of(iterations),
         )
     }
 
-    /// The base model as the greater part of the samples shows it; none where `base` explains all of them, or it is no better.
+    /// The base model as the greater part of the samples shows it; none where it explains all of them, or it is no better.
     ///
     /// # Errors
     /// As a solve's own.
-    pub fn trimmed(&self, base: &Trial) -> Result<Option<Trimmed>, CalibrateError> {
-        let rows = self.series.stages() * self.series.channels.len();
-        if base.cost < 0.5 * FAR * rows as f64 {
-            return Ok(None);
-        }
+    pub fn trimmed(&self) -> Result<Option<Trimmed>, CalibrateError> {
         Trimmed::of(self.robot, &self.series, &self.settings)
     }
 
@@ -200,14 +185,7 @@ impl<'a> Bench<'a> {
     ) -> Result<Trial, CalibrateError> {
         let trimmed = from.known();
         let value = |name: &str| (trimmed.value)(name).or_else(|| other.value(name).map(|value| value.estimate));
-        self.search(laws, &Known { value: Box::new(value), ..from.known() }, &[], Effort::of(iterations))
-    }
-
-    /// Whether the model of a trial on this bench leaves every bound as it runs free along the inputs: no simulation could use it.
-    pub fn runs_away(&self, trial: &Trial) -> bool {
-        let Ok(model) = Model::extended(self.robot, trial.laws.clone()) else { return true };
-        let (problem, point, _) = self.at(&model, &trial.known());
-        NoiseFree::of(&problem, &point).ran_away
+        self.search(laws, &Known { value: Box::new(value), ..from.known() }, Effort::of(iterations))
     }
 
     /// k_pwm U u (or k_t i, or the torque itself) at stage k by the values of a trial, N m or N.
@@ -266,30 +244,15 @@ impl<'a> Bench<'a> {
         }
     }
 
-    /// A search from what is known, with coordinates of laws held at these ends.
+    /// A search from what is known.
     fn search(
         &self,
         laws: &[Arc<dyn Law>],
         from: &Known<'_>,
-        ends: &[Beyond],
         Effort { iterations, hopeless }: Effort,
     ) -> Result<Trial, CalibrateError> {
         let model = Model::extended(self.robot, laws.to_vec())?;
-        let end = |name: &str| ends.iter().find(|end| end.name == name && end.coordinate.is_some());
-        let value = |name: &str| end(name).map(|end| end.end).or_else(|| (from.value)(name));
-        let at_ends = Known {
-            value: Box::new(value),
-            rotations: from.rotations.clone(),
-            biases: from.biases.clone(),
-            states: from.states,
-            layout: from.layout,
-        };
-        let (mut problem, start, mut held) = self.at(&model, &at_ends);
-        for (law, own) in ends.iter().filter_map(|end| Some((end.law, end.coordinate?))) {
-            let mut direction = vec![0.0; problem.border().size()];
-            direction[model.coordinates().first_of_law(law) + own] = 1.0;
-            held.push(direction);
-        }
+        let (mut problem, start, held) = self.at(&model, from);
         let start = equilibrium::settled(&problem, start, &self.settings);
         let start = self.eased(&mut problem, start, &held);
         let most_while_falling = WHILE_FALLING * iterations;
@@ -302,11 +265,9 @@ impl<'a> Bench<'a> {
         border.hold_undetermined();
         let point = solution.point;
         let values = trial::values(&problem, &point, &border, &solution.information);
-        let inflation = inflation(&problem, &point);
         Ok(Trial {
             laws: laws.to_vec(),
             cost: solution.cost,
-            inflation,
             values,
             rotations: point.rotations,
             biases: point.biases,
@@ -360,7 +321,7 @@ mod tests {
         let recording = whole.part(0..8_000.min(whole.len()));
         let base = fit(&robot, &[&recording], Preset::Default, &Settings::default(), |_, _| {}).unwrap();
         let noise = base.noise.clone();
-        let (bench, trial) = Bench::new(&robot, base.series.clone(), &base, noise, Settings::default()).unwrap();
+        let (bench, trial) = Bench::new(&robot, (base.series.clone(), vec![0]), &base, noise, Settings::default()).unwrap();
         let law = Effect::by_id("end_stop").unwrap().laws(&robot).unwrap().swap_remove(0).sharp().unwrap();
         let with = bench.fit(&[law], &trial, 3).unwrap();
         let error = |trial: &Trial, name: &str| trial.value(name).unwrap().std_error;

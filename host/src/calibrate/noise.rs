@@ -70,6 +70,18 @@ impl Noise {
         Noise { channels: self.channels.clone(), process }
     }
 
+    /// No less than `least`, of the same model.
+    pub fn at_least(mut self, least: &Noise) -> Self {
+        let pairs = self.channels.iter_mut().zip(&least.channels).chain(self.process.iter_mut().zip(&least.process));
+        pairs.for_each(|(own, least)| *own = own.max(*least));
+        self
+    }
+
+    /// How many times as large the noise of the steps is as that of `other`, at most.
+    pub fn steps_over(&self, other: &Noise) -> f64 {
+        self.process.iter().zip(&other.process).map(|(own, other)| own / other).fold(0.0, f64::max)
+    }
+
     /// Least standard deviations that make sense at `point`: of a step, the integrator's own error (root mean square of one step less two
     /// half steps, along the trajectory); of a channel, half of what the robot file says. Where the model is wrong, the likelihood likes to
     /// believe one sensor to the last digit and none of the others; no sensor is that good.

@@ -187,6 +187,17 @@ pub(super) fn estimate<'m>(
     point: &Point<'m>,
     threads: usize,
 ) -> Result<Estimate, SolveError> {
+    estimate_in(MOST_ROUNDS, problem, robot, point, threads)
+}
+
+/// [`estimate`] in so many rounds at most.
+pub(super) fn estimate_in<'m>(
+    most_rounds: usize,
+    problem: &mut Problem<'m>,
+    robot: &Robot,
+    point: &Point<'m>,
+    threads: usize,
+) -> Result<Estimate, SolveError> {
     let mut point = point.clone();
     let floor = Noise::floor(problem, robot, &point);
     let period_s = problem.series.median_period_s();
@@ -231,7 +242,7 @@ pub(super) fn estimate<'m>(
         noise.join_positions(problem.model.layout(), period_s, LEAST_SPEED);
         tracing::debug!(rounds, gain, ?noise, "restricted maximum likelihood");
         problem.set_noise(noise);
-        if gain < LEAST_GAIN || rounds == MOST_ROUNDS {
+        if gain < LEAST_GAIN || rounds == most_rounds {
             return Ok(Estimate { floor, rounds });
         }
     }

@@ -254,7 +254,7 @@ impl Series {
 
     /// Random readings around zero for tests: `rest` stages without input, then random input.
     #[cfg(test)]
-    pub(super) fn made_up(robot: &Robot, stages: usize, rest: usize) -> Self {
+    pub(crate) fn made_up(robot: &Robot, stages: usize, rest: usize) -> Self {
         use rand::{RngExt, SeedableRng};
         let mut rng = rand::rngs::StdRng::seed_from_u64(1);
         let (channels, joints) = (robot.channels(), robot.joints.len());

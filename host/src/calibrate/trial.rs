@@ -6,9 +6,7 @@ use nalgebra::{DMatrix, Matrix3, Vector3};
 
 use super::extension::Known;
 use super::point::Point;
-use super::possible::{self, Beyond};
 use super::problem::Problem;
-use super::result::Calibration;
 use crate::model::Layout;
 use crate::model::law::Law;
 use solve::border::Border;
@@ -35,8 +33,6 @@ pub struct Trial {
     pub laws: Vec<Arc<dyn Law>>,
     /// ½ Σ r².
     pub cost: f64,
-    /// How many times as large as their noise residuals make scores, where that is coloured or more than it was taken to be; at least 1.
-    pub inflation: f64,
     /// Every parameter of the dynamics, the laws' behind the base model's.
     pub values: Vec<TrialValue>,
     pub(super) rotations: Vec<Matrix3<f64>>,
@@ -45,44 +41,10 @@ pub struct Trial {
     pub(super) layout: Layout,
 }
 
-/// Most that standard errors grow by where a value is held against its range.
-const WIDEST: f64 = 3.0;
-
 impl Trial {
     /// The value of this name.
     pub fn value(&self, name: &str) -> Option<&TrialValue> {
         self.values.iter().find(|value| value.name == name)
-    }
-
-    /// Whether these are its laws, in this order.
-    pub fn has_laws(&self, laws: &[Arc<dyn Law>]) -> bool {
-        self.laws.len() == laws.len() && self.laws.iter().zip(laws).all(|(a, b)| Arc::ptr_eq(a, b))
-    }
-
-    /// Whether every law's parameters are such as a robot can have: within their ranges, but for three standard errors and a twentieth of the
-    /// largest of their kind, which what the law leaves of a joint may make. Standard errors are those of residuals that wander as these do: scores
-    /// are too large by the inflation, and so is the square of how many errors a parameter lies beyond its range. They grow threefold at most:
-    /// residuals that would make them larger hold another cause, and no error speaks for that.
-    pub fn is_possible(&self) -> bool {
-        self.beyond().is_empty()
-    }
-
-    pub(super) fn beyond(&self) -> Vec<Beyond> {
-        let wider = self.inflation.sqrt().min(WIDEST);
-        let error = |value: &TrialValue| value.std_error.map(|error| wider * error);
-        let values = self.values.iter().map(|value| (value.name.as_str(), value.estimate, error(value)));
-        possible::beyond(&self.laws, values)
-    }
-
-    /// The first of this trial's laws that a calibration leads where no robot can be.
-    pub fn impossible_in(&self, calibration: &Calibration) -> Option<usize> {
-        let results = calibration.parameters.iter();
-        let results = results.map(|result| (result.name.as_str(), result.estimate, result.std_error));
-        let beyond = possible::beyond(&self.laws, results);
-        if !beyond.is_empty() {
-            tracing::debug!(?beyond, "of the whole recording");
-        }
-        beyond.first().map(|beyond| beyond.law)
     }
 
     /// Position and speed of link and motor of a joint at stage k.
@@ -155,44 +117,4 @@ pub(super) fn values(
             TrialValue { name: name.to_string(), unit, estimate, std_error, vif }
         })
         .collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::effect::Effect;
-    use crate::model::Model;
-    use crate::robot::Robot;
-
-    #[test]
-    fn what_lies_beyond_its_range_is_judged_by_errors_of_residuals_that_wander() {
-        let robot = Robot::builtin("doggy").unwrap();
-        let law = Effect::by_id("quadratic_drag").unwrap().laws(&robot).unwrap().swap_remove(0);
-        // Drag beside a stiction whose size is not right: less than nothing on one joint, by 3.4 of the errors of white residuals.
-        let value = |name: &str, estimate: f64| TrialValue {
-            name: name.into(),
-            unit: "N m s²/rad²",
-            estimate,
-            std_error: Some(0.0035),
-            vif: 1.0,
-        };
-        let trial = |inflation: f64| Trial {
-            laws: vec![law.clone()],
-            cost: 1.0,
-            inflation,
-            values: vec![value("quadratic_drag.c[1]", 0.19), value("quadratic_drag.c[3]", -0.0120)],
-            rotations: Vec::new(),
-            biases: Vec::new(),
-            states: Vec::new(),
-            layout: Model::new(&robot).layout().clone(),
-        };
-        assert!(!trial(1.0).is_possible());
-        // √2 · 3 · 0.0035 = 0.0148.
-        assert!(trial(2.0).is_possible());
-        // 3 · 3 · 0.0035 = 0.0315, however much is left.
-        let mut far = trial(1e4);
-        assert!(far.is_possible());
-        far.values[1].estimate = -0.0350;
-        assert!(!far.is_possible());
-    }
 }

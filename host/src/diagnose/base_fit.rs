@@ -1,21 +1,18 @@
 //! Does the base model fit at all? Only where it does may a diagnosis say that nothing is missing.
 
 use super::result::{BaseFit, ChannelFit};
-use super::refit::Fitted;
 use crate::calibrate::Calibration;
 
 /// Predictions within so many standard deviations of a sensor are at its own noise: a half more than the noise of the reading itself, which the state that they start from adds.
 const AT_NOISE: f64 = 1.5;
 
-/// What the base calibration, its blocks and its predictions say. `gains` tells whether any law or curve gains out of sample.
-pub fn base_fit(calibration: &Calibration, base: &Fitted, ahead: Vec<(String, f64)>, gains: bool) -> BaseFit {
+/// What the base calibration and its predictions say. `gains` tells whether any law or curve gains out of sample.
+pub fn base_fit(calibration: &Calibration, ahead: Vec<(String, f64)>, gains: bool) -> BaseFit {
     let of_channels = calibration.noise.iter().filter_map(|noise| {
         let value = noise.chi2_per_dof.filter(|value| value.is_finite())?;
         Some(ChannelFit { channel: noise.channel.clone(), value })
     });
     let ahead: Vec<ChannelFit> = ahead.into_iter().map(|(channel, value)| ChannelFit { channel, value }).collect();
-    let (squares, freedom): (f64, f64) = (base.own.iter().sum::<f64>() - base.log_determinants, base.freedom.iter().sum());
-    let blocks_chi2_per_dof = squares / freedom.max(1.0);
     let worst = ahead.iter().filter(|fit| fit.value.is_finite()).max_by(|a, b| a.value.total_cmp(&b.value));
     let at_noise = worst.is_some_and(|fit| fit.value <= AT_NOISE);
     let fits = at_noise || !gains;
@@ -29,5 +26,5 @@ pub fn base_fit(calibration: &Calibration, base: &Fitted, ahead: Vec<(String, f6
         (false, true) if far.is_empty() => "The base model does not fit.".to_string(),
         (false, true) => format!("The base model does not fit: {far}."),
     };
-    BaseFit { fits, chi2_per_dof: of_channels.collect(), ahead_500ms_sigma: ahead, blocks_chi2_per_dof, sentence }
+    BaseFit { fits, chi2_per_dof: of_channels.collect(), ahead_500ms_sigma: ahead, sentence }
 }

@@ -9,8 +9,8 @@ use std::ops::Range;
 
 use nalgebra::{DMatrix, DVector};
 
-use super::cross_validation::left_out_steps;
-use super::significance::p_of_blocks;
+use super::cross_validation::{left_out_steps, log_gain};
+use super::significance::{p_of_blocks, p_of_both, p_of_mean};
 use crate::calibrate::{BlockFit, BlockScores, LawBlock, Quadratic};
 
 /// Directions of a law that keep less than this share of their information beside the shared unknowns cannot be seen.
@@ -25,9 +25,9 @@ pub struct LawScore {
     pub score: f64,
     /// Directions that the motion shows.
     pub freedom: usize,
-    /// Σ r² that it saves in each block by what the others say of it.
+    /// What it gains in each block by what the others say of it, see [`log_gain`].
     pub gains: Vec<f64>,
-    /// See [`p_of_blocks`].
+    /// By the scatter of scores and of gains between blocks, see [`p_of_blocks`] and [`p_of_mean`].
     pub p: f64,
     /// The largest variance inflation of its columns by the shared unknowns.
     pub vif: f64,
@@ -41,7 +41,7 @@ pub struct LawScore {
 }
 
 impl LawScore {
-    /// Σ r² that it saves out of sample, in all blocks.
+    /// What it gains out of sample, in all blocks.
     pub fn gain(&self) -> f64 {
         self.gains.iter().sum()
     }
@@ -78,19 +78,24 @@ fn score_law(
     if finite < own {
         return Err(NotFinite { columns: own - finite });
     }
-    let Some(whitening) = whitening(scores, columns.clone()) else { return Ok(None) };
+    // Blocks that the model predicts badly weigh less: each by its own dispersion.
     let base = &scores.base;
-    let extended: Vec<Quadratic> = base.blocks.iter().zip(blocks).map(|(b, law)| extended(b, law, &whitening)).collect();
-    let (free, seen) = (base.prior.nrows(), whitening.ncols());
     let Some(without) = left_out(base, contiguous) else { return Ok(None) };
+    let weights: Vec<f64> =
+        without.iter().zip(&base.freedom).map(|(cost, freedom)| (cost / freedom.max(1.0)).max(1.0).recip()).collect();
+    let Some(whitening) = whitening(scores, (blocks, columns.clone()), &weights) else { return Ok(None) };
+    let with_law = |((block, law), weight): ((&Quadratic, &LawBlock), &f64)| extended(block, law, &whitening, *weight);
+    let extended: Vec<Quadratic> = base.blocks.iter().zip(blocks).zip(&weights).map(with_law).collect();
+    let (free, seen) = (base.prior.nrows(), whitening.ncols());
     let ridges = if shrunk { &RIDGES[..] } else { &RIDGES[..1] };
     let with_ridge = |ridge: &f64| {
         let mut prior = DMatrix::zeros(free + seen, free + seen);
         prior.view_mut((0, 0), (free, free)).copy_from(&base.prior);
         (free..free + seen).for_each(|i| prior[(i, i)] += ridge);
         let steps = left_out_steps(&extended, &prior, contiguous)?;
-        let gains: Vec<f64> =
-            without.iter().zip(extended.iter().zip(&steps)).map(|(without, (block, x))| without - block.at(x)).collect();
+        let gains: Vec<f64> = (0..steps.len())
+            .map(|b| log_gain(without[b], extended[b].at(&steps[b]) / weights[b], base.freedom[b]))
+            .collect();
         Some((steps, gains))
     };
     let sum = |gains: &[f64]| gains.iter().sum::<f64>();
@@ -98,7 +103,7 @@ fn score_law(
     let Some((steps, gains)) = best else { return Ok(None) };
 
     // With the shared unknowns where the law leaves them: s_η − K_ηφ K_φφ⁻¹ s_φ of each block.
-    let shared = base.blocks.iter().fold(base.prior.clone(), |sum, block| sum + &block.information);
+    let shared = extended.iter().fold(base.prior.clone(), |sum, block| sum + block.information.view((0, 0), (free, free)));
     let coupling = extended.iter().fold(DMatrix::zeros(free, seen), |sum, block| {
         sum + block.information.view((0, free), (free, seen))
     });
@@ -122,7 +127,7 @@ fn score_law(
     Ok(Some(LawScore {
         score: total.norm_squared(),
         freedom: seen,
-        p: p_of_blocks(&u, &e, &shares),
+        p: p_of_both(p_of_blocks(&u, &e, &shares), p_of_mean(&gains)),
         vif,
         z: z.collect(),
         gains,
@@ -137,8 +142,8 @@ pub fn left_out(fit: &BlockFit, contiguous: &[bool]) -> Option<Vec<f64>> {
     super::cross_validation::left_out(&fit.blocks, &fit.prior, contiguous)
 }
 
-/// A block over [φ, η].
-fn extended(base: &Quadratic, law: &LawBlock, whitening: &DMatrix<f64>) -> Quadratic {
+/// A block over [φ, η], with this weight.
+fn extended(base: &Quadratic, law: &LawBlock, whitening: &DMatrix<f64>, weight: f64) -> Quadratic {
     let (free, seen) = (base.gradient.len(), whitening.ncols());
     let coupling = &law.coupling * whitening;
     let mut information = DMatrix::zeros(free + seen, free + seen);
@@ -149,19 +154,31 @@ fn extended(base: &Quadratic, law: &LawBlock, whitening: &DMatrix<f64>) -> Quadr
     let mut gradient = DVector::zeros(free + seen);
     gradient.rows_mut(0, free).copy_from(&base.gradient);
     gradient.rows_mut(free, seen).copy_from(&(whitening.transpose() * &law.gradient));
-    Quadratic { squares: base.squares, gradient, information }
+    Quadratic { squares: weight * base.squares, gradient: weight * gradient, information: weight * information }
 }
 
-/// W with `Wᵀ K_jj W = 1` over the directions that can be seen.
-fn whitening(scores: &BlockScores, columns: Range<usize>) -> Option<DMatrix<f64>> {
-    let n = columns.len();
+/// W with `Wᵀ K_jj W = 1` over the directions that can be seen, K of the weighted blocks with the shared unknowns eliminated.
+fn whitening(
+    scores: &BlockScores,
+    (blocks, columns): (&[LawBlock], Range<usize>),
+    weights: &[f64],
+) -> Option<DMatrix<f64>> {
+    let (n, free) = (columns.len(), scores.base.prior.nrows());
+    let mut shared = scores.base.prior.clone();
+    let (mut coupling, mut alone) = (DMatrix::zeros(free, n), DMatrix::zeros(n, n));
+    for ((base, law), weight) in scores.base.blocks.iter().zip(blocks).zip(weights) {
+        shared += *weight * &base.information;
+        coupling += *weight * &law.coupling;
+        alone += *weight * &law.information;
+    }
     // By the size of each column, so that units do not matter; a column that is nothing at all stays zero.
     let scale = DVector::from_fn(n, |i, _| {
-        let alone = scores.alone[columns.start + i];
+        let alone = alone[(i, i)];
         if alone > 0.0 && alone.is_finite() { 1.0 / alone.sqrt() } else { 0.0 }
     });
-    let information =
-        DMatrix::from_fn(n, n, |i, j| scale[i] * scale[j] * scores.information[(columns.start + i, columns.start + j)]);
+    let by_columns = shared.cholesky()?.solve(&coupling);
+    let information = &alone - coupling.transpose() * by_columns;
+    let information = DMatrix::from_fn(n, n, |i, j| scale[i] * scale[j] * information[(i, j)]);
     if information.iter().any(|value| !value.is_finite()) {
         return None;
     }
@@ -177,11 +194,14 @@ fn whitening(scores: &BlockScores, columns: Range<usize>) -> Option<DMatrix<f64>
 
 /// |cos| of the angle between what `of` does to the residuals at its step and the columns of `by`, both with the shared unknowns eliminated.
 pub fn collinearity(scores: &BlockScores, of: &LawScore, by: &LawScore) -> f64 {
-    let cross = scores.information.view((by.columns.start, of.columns.start), (by.columns.len(), of.columns.len()));
-    let explained = (by.whitening.transpose() * cross * &of.step).norm_squared();
-    let own = scores.information.view((of.columns.start, of.columns.start), (of.columns.len(), of.columns.len()));
-    let whole = of.step.dot(&(own * &of.step));
-    if whole > 0.0 { (explained / whole).sqrt().min(1.0) } else { 0.0 }
+    let block = |a: &LawScore, b: &LawScore| {
+        scores.information.view((a.columns.start, b.columns.start), (a.columns.len(), b.columns.len())).into_owned()
+    };
+    let cross = by.whitening.transpose() * block(by, of) * &of.step;
+    let own = by.whitening.transpose() * block(by, by) * &by.whitening;
+    let whole = of.step.dot(&(block(of, of) * &of.step));
+    let explained = own.svd(true, true).solve(&cross, 1e-9).map_or(0.0, |along| along.dot(&cross));
+    if whole > 0.0 { (explained / whole).max(0.0).sqrt().min(1.0) } else { 0.0 }
 }
 
 #[cfg(test)]
@@ -202,6 +222,8 @@ mod tests {
             prior: DMatrix::zeros(1, 1),
             freedom: vec![39.0; 24],
             log_determinants: vec![0.0; 24],
+            free: DMatrix::identity(1, 1),
+            laws: Vec::new(),
         };
         let mut laws = vec![Vec::new(); columns];
         let (mut information, mut coupling, mut shared) =

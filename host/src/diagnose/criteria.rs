@@ -14,6 +14,9 @@ pub const WORST_BLOCKS: usize = 4;
 /// Samples of all blocks together of a robot of [`STATES`] states; a recording of up to three times as many is looked at whole.
 pub const SAMPLES: usize = 9_600;
 
+/// Noise of steps so many times what steps have at least, from which on events are looked for in what the greater part of the recording leaves.
+pub const WRONG: f64 = 3.0;
+
 /// Samples of all blocks that a scan looks at.
 pub const SCAN_SAMPLES: usize = 4_800;
 
@@ -27,21 +30,18 @@ pub const LEAST_BLOCK: usize = 40;
 pub const LEVEL: f64 = 0.01;
 
 /// Laws that are refitted in each round, the best of the scan, and at most so many more that are collinear with the best.
-pub const REFITTED: usize = 4;
+pub const REFITTED: usize = 3;
 /// See [`REFITTED`].
 pub const COLLINEAR_REFITTED: usize = 3;
 
 /// A law whose tangent gains less than this share of the best one's waits for the next round.
-pub const PROMISING: f64 = 0.05;
+pub const PROMISING: f64 = 0.1;
 
 /// |cos| of projected columns from which on two laws may stand for each other.
 pub const COLLINEAR: f64 = 0.9;
 
-/// An addition gains at least this share of what the model leaves unexplained.
+/// Curves that gain less than this share of what the base model leaves unexplained have no line in the result.
 pub const LEAST_SHARE: f64 = 0.02;
-
-/// And this share of what the base model leaves unexplained: the shape of a large effect's law is never quite the robot's, and what that leaves is no cause of its own.
-pub const LEAST_SHARE_OF_ALL: f64 = 0.003;
 
 /// Rivals whose gains differ by less than this share are told apart by plausibility and parsimony.
 pub const RIVAL_SHARE: f64 = 0.03;

@@ -12,6 +12,8 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::calibrate::Quadratic;
 
+/// A block is never taken for better predicted than this share of its degrees of freedom.
+const LEAST_COST: f64 = 0.1;
 /// What makes up for directions that only the blocks left out know, as a share of each direction's own information.
 const LOADED: f64 = 1e-9;
 
@@ -47,6 +49,14 @@ pub fn left_out_steps(
         Some(-step.component_mul(&scale))
     };
     (0..blocks.len()).map(step).collect()
+}
+
+/// What a model that costs `with` gains over one that costs `without` in a block of so many degrees of freedom: n ln(without / with), twice the difference of Gaussian log-likelihoods whose scale
+/// is each block's own. Where noise is what it is taken to be, that is the difference of Σ r²; where models are wrong it is by which share a block is predicted better, and no
+/// block outweighs the others by how wrong they are there.
+pub fn log_gain(without: f64, with: f64, freedom: f64) -> f64 {
+    let least = LEAST_COST * freedom.max(1.0);
+    freedom.max(1.0) * (without.max(least) / with.max(least)).ln()
 }
 
 /// Σ r² of each block by what the others say.
@@ -102,6 +112,14 @@ mod tests {
                 assert!((found / expected - 1.0).abs() < 1e-6, "block {b}: {found}, {expected}");
             }
         }
+    }
+
+    #[test]
+    fn gains_are_differences_near_the_noise_and_shares_far_from_it() {
+        assert!((log_gain(1010.0, 1000.0, 1000.0) - 10.0).abs() < 0.1);
+        // Half of the squares gone, whatever the blocks' own misfit is.
+        assert!((log_gain(2e6, 1e6, 1000.0) - log_gain(2e3, 1e3, 1000.0)).abs() < 1e-9);
+        assert!(log_gain(f64::NAN, 1.0, 10.0).is_finite() && log_gain(5.0, -1.0, 10.0) > 0.0);
     }
 
     #[test]

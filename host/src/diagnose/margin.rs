@@ -5,7 +5,7 @@
 use super::catalogue::catalogue;
 use super::refit::{Fitted, Refit};
 use super::selection::first_refits;
-use super::{DiagnoseError, bench, fitted_and_unseen};
+use super::{DiagnoseError, bench, fitted_and_unseen, yardstick};
 use crate::calibrate::{Method, Preset, fit};
 use crate::effect::Effect;
 use crate::recording::Recording;
@@ -29,8 +29,8 @@ pub fn margin(
     let (bench, trial) = bench(robot, &base, settings)?;
     let contiguous = bench.is_contiguous();
     let (candidates, _) = catalogue(robot, &[]);
-    let refit = Refit { bench: &bench, contiguous: &contiguous, trimmed: None };
     let on_bench = Fitted::of(&bench, &contiguous, trial)?;
+    let refit = Refit { bench, least_noise: yardstick(robot, &base.series), contiguous, trimmed: None };
     let refits = first_refits(&refit, on_bench, &candidates, effect)?;
     Ok(over_the_nearest(&refits, effect.id))
 }

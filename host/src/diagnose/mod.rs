@@ -6,8 +6,8 @@
 //!   another motion ────────────────────────── asked once: joint gain of all, of each ◀──────┘──▶ result
 //! ```
 //!
-//! The method is that of stochastic grey-box models (Kristensen, Madsen, Jørgensen 2004): fix the noise first, look for what explains the
-//! residuals under it. One currency decides: the prediction of blocks of time that a fit has not seen. One error model goes with it: the scatter between blocks.
+//! The method is that of stochastic grey-box models (Kristensen, Madsen, Jørgensen 2004): estimate the noise that a model leaves, look for what explains the
+//! residuals under it, and estimate it again. One currency decides: the prediction of blocks of time that a fit has not seen. One error model goes with it: the scatter between blocks.
 //! Every objection is a number or a flag on a finding; none deletes another finding.
 
 mod axes;
@@ -37,6 +37,7 @@ pub use block_scores::{LawScore, score_laws};
 pub use criteria::LEVEL;
 pub use interval::Gain;
 pub use margin::margin;
+pub use significance::p_of_family;
 pub use result::{
     BaseFit, Candidate, ChannelFit, ChannelGain, Defect, Diagnosis, Finding, Flag, HoldoutGain, HorizonGain, NotTestable,
     OverTime, Picture, Rejected, Rival, Unexplained, Verdict,
@@ -112,17 +113,20 @@ pub fn diagnose(
     let (candidates, unsuited) = catalogue::catalogue(robot, &options.without);
     let plausibility = Plausibility::of(&bench, &trial);
     let has_events = candidates.iter().any(|candidate| candidate.alternatives.iter().any(|law| law.is_event()));
-    let trimmed = if has_events { bench.trimmed(&trial).unwrap_or_default() } else { None };
+    let least_noise = yardstick(robot, &base.series);
+    let is_wrong = base.noise.steps_over(&least_noise) > criteria::WRONG;
+    let trimmed = if has_events && is_wrong { bench.trimmed().unwrap_or_default() } else { None };
     let clues = events::from_clues(trimmed.as_ref(), &candidates);
-    let refit = Refit { bench: &bench, contiguous: &contiguous, trimmed: trimmed.as_ref() };
     let on_bench = Fitted::of(&bench, &contiguous, trial)?;
-    let mut selection = selection::select(&refit, on_bench, (&candidates, &clues), &plausibility, step)?;
+    let mut refit = Refit { bench, least_noise, contiguous, trimmed };
+    let mut selection = selection::select(&mut refit, on_bench, (&candidates, &clues), &plausibility, step)?;
 
     step("looking for curves");
+    let (bench, samples) = (&refit.bench, refit.bench.series().stages());
     let thinned = |trial: &Trial| {
         let (bench, trial) = bench.thinned(trial, refit.samples(criteria::SCAN_SAMPLES) / BLOCKS);
         let contiguous = bench.is_contiguous();
-        let more = refit.bench.series().stages() as f64 / bench.series().stages().max(1) as f64;
+        let more = samples as f64 / bench.series().stages().max(1) as f64;
         (curves::curves(&bench, &trial, &contiguous).unwrap_or_default(), more)
     };
     let (first_curves, _) = thinned(&selection.base.trial);
@@ -132,9 +136,9 @@ pub fn diagnose(
     let (left, scale) = if selection.accepted.is_empty() { (first_curves.clone(), 1.0) } else { thinned(&selection.current.trial) };
 
     step("calibrating the extended model");
-    let extended = extended(robot, &fitted, &base, (&selection, &bench), settings);
+    let extended = extended(robot, &fitted, &base, (&selection, bench), settings);
     let holdout = holdout.map(|recording| recording.source.path.display().to_string());
-    let evidence = Evidence { bench: &bench, plausibility: &plausibility, selection: &selection, first_curves, left, scale };
+    let evidence = Evidence { refit: &refit, plausibility: &plausibility, selection: &selection, first_curves, left, scale };
     Ok(report::report(&evidence, (judged, rejected), (&base, extended), unsuited, holdout))
 }
 
@@ -169,9 +173,12 @@ fn fitted_and_unseen(recording: &Recording) -> [Recording; 2] {
     [recording.part(0..cut), recording.part(cut..recording.len())]
 }
 
-/// The blocks that a diagnosis looks at, and the base model on them under the noise that the sensors have by themselves.
-fn bench<'r>(robot: &'r Robot, base: &Fit, settings: &Settings) -> Result<(Bench<'r>, Trial), CalibrateError> {
-    let noise = yardstick(robot, &base.series);
+/// The blocks that a diagnosis looks at, and the base model on them under the noise that it leaves: what it takes its errors for.
+///
+/// # Errors
+/// As a calibration's.
+pub fn bench<'r>(robot: &'r Robot, base: &Fit, settings: &Settings) -> Result<(Bench<'r>, Trial), CalibrateError> {
+    let noise = base.noise.clone().at_least(&yardstick(robot, &base.series));
     let settings = Settings { relative_cost_change: ENOUGH, max_iterations: MOST_ITERATIONS, ..settings.clone() };
     let states = Model::new(robot).layout().size();
     let wanted = (samples_for(states, SAMPLES), BLOCKS, WORST_BLOCKS);

@@ -5,7 +5,8 @@ use std::sync::Arc;
 use super::block_scores::left_out;
 use super::catalogue::{Named, laws};
 use super::criteria::STATES;
-use crate::calibrate::{Bench, BlockFit, CalibrateError, Trial, Trimmed};
+use super::cross_validation::log_gain;
+use crate::calibrate::{Bench, BlockFit, CalibrateError, Noise, Trial, Trimmed};
 use crate::model::law::Law;
 
 /// Iterations of a law, of one of an event, and of a model that lost one.
@@ -18,14 +19,14 @@ const DROP_ITERATIONS: usize = 10;
 pub struct Fitted {
     /// The end of its search.
     pub trial: Trial,
-    /// Of each block: Σ r² + ln |H_xx|, twice the negative log-likelihood but for a constant, with the parameters that the other blocks show.
+    /// Of each block: Σ r² with the parameters that the other blocks show.
     pub left_out: Vec<f64>,
-    /// Of each block: the same with its own parameters.
+    /// Of each block: the same with the parameters of all.
     pub own: Vec<f64>,
     /// Of each block: rows less states.
     pub freedom: Vec<f64>,
-    /// ln |H_xx| of all blocks together, which [`left_out`](Self::left_out) and [`own`](Self::own) have in them.
-    pub log_determinants: f64,
+    /// Of each block: ln |H_xx|, the Laplace term of the likelihood with states integrated out.
+    pub log_determinants: Vec<f64>,
     /// What the blocks say of its shared unknowns.
     pub fit: BlockFit,
 }
@@ -38,36 +39,52 @@ impl Fitted {
     pub fn of(bench: &Bench<'_>, contiguous: &[bool], trial: Trial) -> Result<Self, CalibrateError> {
         let fit = bench.block_fit(&trial)?;
         let left_out = left_out(&fit, contiguous).ok_or(CalibrateError::Undetermined)?;
-        let with = |squares: f64, log_determinant: &f64| squares + log_determinant;
         Ok(Fitted {
-            left_out: left_out.into_iter().zip(&fit.log_determinants).map(|(s, d)| with(s, d)).collect(),
-            own: fit.blocks.iter().zip(&fit.log_determinants).map(|(b, d)| with(b.squares, d)).collect(),
+            left_out,
+            own: fit.blocks.iter().map(|block| block.squares).collect(),
             freedom: fit.freedom.clone(),
-            log_determinants: fit.log_determinants.iter().sum(),
+            log_determinants: fit.log_determinants.clone(),
             trial,
             fit,
         })
     }
 
-    /// What this model saves of each block that `other` costs, out of sample.
+    /// What this model gains over `other` in each block out of sample: see [`log_gain`], and the Laplace terms.
     pub fn gains_over(&self, other: &Fitted) -> Vec<f64> {
-        other.left_out.iter().zip(&self.left_out).map(|(other, own)| other - own).collect()
+        self.gains((&other.left_out, &self.left_out), other)
+    }
+
+    /// The same with the parameters of all blocks.
+    pub fn own_gains_over(&self, other: &Fitted) -> Vec<f64> {
+        self.gains((&other.own, &self.own), other)
+    }
+
+    fn gains(&self, (before, after): (&[f64], &[f64]), other: &Fitted) -> Vec<f64> {
+        let of_block = |b: usize| {
+            log_gain(before[b], after[b], other.freedom[b]) + other.log_determinants[b] - self.log_determinants[b]
+        };
+        (0..after.len()).map(of_block).collect()
     }
 }
 
 /// As many samples as cost what `of_doggy` samples of a robot with [`STATES`] states do.
 pub fn samples_for(states: usize, of_doggy: usize) -> usize {
-    if states <= STATES { of_doggy } else { of_doggy * STATES * STATES / (states * states) }
+    match states {
+        0..=STATES => (of_doggy * STATES / states.max(1)).min(of_doggy * 3 / 2),
+        _ => of_doggy * STATES * STATES / (states * states),
+    }
 }
 
 /// On top of what laws are refitted, and where.
 pub struct Refit<'a> {
-    /// The samples.
-    pub bench: &'a Bench<'a>,
+    /// The samples, under the noise that the current model leaves.
+    pub bench: Bench<'a>,
+    /// The noise that sensors and steps have at least.
+    pub least_noise: Noise,
     /// Of every block but the last, whether the next one follows on it.
-    pub contiguous: &'a [bool],
+    pub contiguous: Vec<bool>,
     /// The base model beside events, where the recording shows some.
-    pub trimmed: Option<&'a Trimmed>,
+    pub trimmed: Option<Trimmed>,
 }
 
 impl Refit<'_> {
@@ -91,7 +108,7 @@ impl Refit<'_> {
 
     /// The same of an event, from what the greater part of the recording shows.
     pub fn with_event(&self, accepted: &[Named], current: &Fitted, named: &Named) -> Option<(Named, Fitted)> {
-        let trimmed = self.trimmed?;
+        let trimmed = self.trimmed.as_ref()?;
         self.tried(accepted, current, named, |laws| {
             self.bench.fit_trimmed(laws, (trimmed, &current.trial), EVENT_ITERATIONS)
         })
@@ -103,7 +120,19 @@ impl Refit<'_> {
     /// As a calibration's.
     pub fn of(&self, named: &[&Named], current: &Fitted) -> Result<Fitted, CalibrateError> {
         let trial = self.bench.fit(&laws(named.iter().copied()), &current.trial, DROP_ITERATIONS)?;
-        Fitted::of(self.bench, self.contiguous, trial)
+        Fitted::of(&self.bench, &self.contiguous, trial)
+    }
+
+    /// Goes on under the noise that the model of `current` leaves: what it took for noise before its last law was found is more than it has now. The model there.
+    ///
+    /// # Errors
+    /// As a calibration's.
+    pub fn renew_noise(&mut self, current: &Fitted) -> Result<Fitted, CalibrateError> {
+        let bench = self.bench.under_noise_of(&current.trial, &self.least_noise)?;
+        let trial = bench.fit(&current.trial.laws, &current.trial, DROP_ITERATIONS)?;
+        let fitted = Fitted::of(&bench, &self.contiguous, trial)?;
+        self.bench = bench;
+        Ok(fitted)
     }
 
     fn tried(
@@ -114,11 +143,11 @@ impl Refit<'_> {
         search: impl Fn(&[Arc<dyn Law>]) -> Result<Trial, CalibrateError>,
     ) -> Option<(Named, Fitted)> {
         let with = laws(accepted.iter().chain([named]));
-        let fitted = search(&with).and_then(|trial| Fitted::of(self.bench, self.contiguous, trial));
+        let fitted = search(&with).and_then(|trial| Fitted::of(&self.bench, &self.contiguous, trial));
         match fitted {
             Ok(fitted) if fitted.left_out.iter().all(|cost| cost.is_finite()) => {
                 let gain: f64 = fitted.gains_over(current).iter().sum();
-                let own: f64 = current.own.iter().zip(&fitted.own).map(|(before, after)| before - after).sum();
+                let own: f64 = fitted.own_gains_over(current).iter().sum();
                 tracing::debug!(effect = named.effect.id, gain, own, "refit");
                 Some((named.clone(), fitted))
             }

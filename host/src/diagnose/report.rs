@@ -15,7 +15,7 @@ use super::result::{
 };
 use super::selection::{Accepted, Selection, share, without};
 use super::stability::{Stability, stability};
-use crate::calibrate::{Bench, Fit, ParameterEstimate};
+use crate::calibrate::{Fit, ParameterEstimate};
 use crate::effect::{Effect, Role};
 use crate::robot::{JointKind, Robot, Symbol};
 
@@ -26,8 +26,8 @@ const CONSTANT: f64 = 1e-3;
 
 /// What a diagnosis has in its hands.
 pub struct Evidence<'a> {
-    /// The samples.
-    pub bench: &'a Bench<'a>,
+    /// The samples, under the noise that the final model leaves.
+    pub refit: &'a Refit<'a>,
     /// The robot's scales.
     pub plausibility: &'a Plausibility,
     /// What was found.
@@ -53,77 +53,70 @@ pub struct Judged {
     pub ahead_sigma: Vec<(String, f64)>,
 }
 
-/// Asks the other motion once: of all findings, and of each by leaving it out. What harms its prediction for sure is no cause, and leaves the selection.
+/// Asks the other motion, after the selection: of all findings, and of each by leaving it out. What harms its prediction for sure is no cause and leaves the selection, the most harmful
+/// one first, since beside it others may look harmful too. Nothing else is decided by it.
 pub fn judge(refit: &Refit<'_>, holdout: &Holdout<'_>, selection: &mut Selection) -> (Judged, Vec<Rejected>) {
-    let bench = refit.bench;
-    let mut judged = Judged::default();
     let mut rejected = Vec::new();
-    let base = match holdout.predict(bench, &selection.base.trial, &[]) {
+    let base = match holdout.predict(&refit.bench, &selection.base.trial, &[]) {
         Ok(base) => base,
         Err(error) => {
             tracing::debug!(%error, "the other motion cannot be predicted");
-            judged.of_each = losses(refit, selection).into_iter().map(|(_, lost)| (lost, None)).collect();
-            return (judged, rejected);
+            let of_each = losses(refit, selection).into_iter().map(|(_, lost)| (lost, None)).collect();
+            return (Judged { of_each, ..Judged::default() }, rejected);
         }
     };
-    judged.ahead_sigma = holdout.ahead_sigma(&base);
-    let effects = |selection: &Selection| -> Vec<&'static Effect> {
-        selection.accepted.iter().map(|accepted| accepted.named.effect).collect()
-    };
-    let predict = |fitted: &Fitted, effects: &[&'static Effect]| match holdout.predict(bench, &fitted.trial, effects) {
-        Ok(predicted) => Some(predicted),
-        Err(error) => {
-            tracing::debug!(%error, "an extended model cannot predict the other motion");
-            None
-        }
-    };
-    let mut extended: Option<Predicted> = None;
-    if !selection.accepted.is_empty() {
-        extended = predict(&selection.current, &effects(selection));
-        let losses = losses(refit, selection);
-        let gain_of = |place: usize, without: &Fitted| {
-            let mut others = effects(selection);
-            others.remove(place);
-            if others.is_empty() {
-                return extended.as_ref().map(|extended| holdout.gain(&base, extended));
-            }
-            let without = predict(without, &others)?;
-            extended.as_ref().map(|extended| holdout.gain(&without, extended))
+    loop {
+        let judged = evaluate(refit, (holdout, &base), selection);
+        let gain = |place: &usize| judged.of_each[*place].1.as_ref().map_or(0.0, |gain| gain.share);
+        let is_harmful = |place: &usize| judged.of_each[*place].1.as_ref().is_some_and(Gain::is_harmful);
+        let worst = (0..judged.of_each.len()).filter(is_harmful).min_by(|a, b| gain(a).total_cmp(&gain(b)));
+        let Some(worst) = worst else { return (judged, rejected) };
+        let accepted = selection.accepted.remove(worst);
+        let axes = axes(accepted.named.effect, &selection.current.trial);
+        rejected.push(reject(&accepted, &axes, judged.of_each[worst].1.as_ref()));
+        let others: Vec<_> = selection.accepted.iter().map(|accepted| &accepted.named).collect();
+        selection.current = match refit.of(&others, &selection.current) {
+            Ok(fitted) if !others.is_empty() => fitted,
+            _ => selection.base.clone(),
         };
-        judged.of_each = losses
-            .into_iter()
-            .enumerate()
-            .map(|(place, (without, lost))| {
-                let gain = gain_of(place, &without);
-                (lost, gain)
-            })
-            .collect();
-        let harmful: Vec<usize> = (0..judged.of_each.len())
-            .filter(|place| judged.of_each[*place].1.as_ref().is_some_and(Gain::is_harmful))
-            .collect();
-        for &place in harmful.iter().rev() {
-            let accepted = selection.accepted.remove(place);
-            let (_, gain) = judged.of_each.remove(place);
-            rejected.insert(0, reject(&accepted, &axes(accepted.named.effect, &selection.current.trial), gain.as_ref()));
-        }
-        if !harmful.is_empty() {
-            let others: Vec<_> = selection.accepted.iter().map(|accepted| &accepted.named).collect();
-            selection.current = match refit.of(&others, &selection.current) {
-                Ok(fitted) if !others.is_empty() => fitted,
-                _ => selection.base.clone(),
-            };
-            extended = (!others.is_empty()).then(|| predict(&selection.current, &effects(selection))).flatten();
-        }
     }
+}
+
+/// What the other motion says of a selection.
+fn evaluate(refit: &Refit<'_>, (holdout, base): (&Holdout<'_>, &Predicted), selection: &Selection) -> Judged {
+    let mut judged = Judged { ahead_sigma: holdout.ahead_sigma(base), ..Judged::default() };
+    let effects: Vec<&'static Effect> = selection.accepted.iter().map(|accepted| accepted.named.effect).collect();
+    if effects.is_empty() {
+        return judged;
+    }
+    let predict = |fitted: &Fitted, effects: &[&'static Effect]| {
+        holdout
+            .predict(&refit.bench, &fitted.trial, effects)
+            .inspect_err(|error| tracing::debug!(%error, "an extended model cannot predict the other motion"))
+            .ok()
+    };
+    let extended = predict(&selection.current, &effects);
+    let of_one = |(place, (without, lost)): (usize, (Fitted, Vec<f64>))| {
+        let mut others = effects.clone();
+        others.remove(place);
+        let gain = extended.as_ref().and_then(|extended| {
+            if others.is_empty() {
+                return Some(holdout.gain(base, extended));
+            }
+            Some(holdout.gain(&predict(&without, &others)?, extended))
+        });
+        (lost, gain)
+    };
+    judged.of_each = losses(refit, selection).into_iter().enumerate().map(of_one).collect();
     if let Some(extended) = extended {
-        judged.by_channel = holdout.by_channel(&base, &extended);
+        judged.by_channel = holdout.by_channel(base, &extended);
         judged.all = Some(HoldoutGain {
-            joint: holdout.gain(&base, &extended),
-            by_horizon: holdout.by_horizon(&base, &extended),
-            over_time: holdout.over_time(&base, &extended),
+            joint: holdout.gain(base, &extended),
+            by_horizon: holdout.by_horizon(base, &extended),
+            over_time: holdout.over_time(base, &extended),
         });
     }
-    (judged, rejected)
+    judged
 }
 
 fn losses(refit: &Refit<'_>, selection: &Selection) -> Vec<(Fitted, Vec<f64>)> {
@@ -156,13 +149,13 @@ pub fn report(
     holdout: Option<String>,
 ) -> Diagnosis {
     let selection = evidence.selection;
-    let robot = evidence.bench.robot();
-    let excess = evidence.excess();
+    let robot = evidence.refit.bench.robot();
+    let left = evidence.left.iter().find(|curve| curve.p_family < LEVEL);
+    let left_gain = left.map_or(0.0, |curve| evidence.scale * curve.gain());
+    let excess = evidence.excess(left_gain);
     let findings: Vec<Finding> = (0..selection.accepted.len())
         .map(|place| evidence.finding(place, &judged, extended.as_ref(), excess))
         .collect();
-    let left = evidence.left.iter().find(|curve| curve.p_family < LEVEL);
-    let left_gain = left.map_or(0.0, |curve| evidence.scale * curve.gain());
     let places: Vec<Defect> = evidence
         .left
         .iter()
@@ -176,12 +169,12 @@ pub fn report(
         rejected.extend(refused.clone().take(5).map(|s| Rejected {
             effect: s.named.effect.id.to_string(),
             axes: s.axes.clone(),
-            why: "its refit does not predict other blocks of this motion better, or by less than 2 % of what is missing".into(),
+            why: "its refit does not predict other blocks of this motion better for sure".into(),
         }));
     }
     let first_gains = evidence.first_curves.iter().any(|curve| curve.p_family < LEVEL);
     let gains = !findings.is_empty() || first_gains || refused.clone().next().is_some();
-    let base_fit = base_fit(&base.calibration, &selection.base, judged.ahead_sigma, gains);
+    let base_fit = base_fit(&base.calibration, judged.ahead_sigma, gains);
     let verdict = verdict(&findings, base_fit.fits, first_gains || refused.clone().next().is_some());
     let scan = selection.scan.iter().map(|s| Candidate {
         effect: s.named.effect.id.to_string(),
@@ -218,10 +211,16 @@ pub fn report(
 }
 
 impl Evidence<'_> {
-    /// What the base model leaves over what noise does: by its blocks, but no less than what was found to be explained.
-    fn excess(&self) -> f64 {
-        let explained: f64 = self.selection.current.gains_over(&self.selection.base).iter().sum();
-        self.selection.excess().max(explained).max(f64::MIN_POSITIVE)
+    /// What the base model leaves unexplained: what the findings gain together, under the noise that they leave, and what the best curve would still gain.
+    fn excess(&self, left: f64) -> f64 {
+        let selection = self.selection;
+        let explained = if selection.accepted.is_empty() {
+            0.0
+        } else {
+            let base = self.refit.of(&[], &selection.current);
+            base.map_or(0.0, |base| selection.current.gains_over(&base).iter().sum::<f64>())
+        };
+        (explained + left).max(f64::MIN_POSITIVE)
     }
 
     fn finding(&self, place: usize, judged: &Judged, extended: Option<&Fit>, excess: f64) -> Finding {
@@ -248,7 +247,7 @@ impl Evidence<'_> {
             .map(|p| (self.plausibility.of_value(effect, &p.name, p.estimate), p))
             .max_by(|(a, _), (b, _)| a.total_cmp(b));
         let implausible = size.filter(|(far, _)| *far > IMPLAUSIBLE).map(|(_, parameter)| parameter);
-        let acts_like = implausible.map(|p| acts_like(self.bench.robot(), effect, p));
+        let acts_like = implausible.map(|p| acts_like(self.refit.bench.robot(), effect, p));
         let flags = self.flags(accepted, judged, holdout_gain.as_ref(), stability.as_ref(), implausible.is_some());
         let aliases = accepted.rivals.iter().filter(|rival| rival.weight > 1.0 - WEIGHT);
         Finding {
@@ -334,7 +333,7 @@ impl Evidence<'_> {
             }
         }
         let (amplitudes, information): (Vec<f64>, Vec<f64>) = fitted.fit.amplitudes(&direction).into_iter().unzip();
-        let squares: f64 = fitted.own.iter().sum::<f64>() - fitted.log_determinants;
+        let squares: f64 = fitted.own.iter().sum();
         let inflation = (squares / fitted.freedom.iter().sum::<f64>().max(1.0)).max(1.0);
         stability(&amplitudes, &information, inflation)
     }
@@ -344,9 +343,9 @@ impl Evidence<'_> {
         let fitted = &self.selection.current;
         let contiguous = vec![false; fitted.fit.blocks.len().saturating_sub(1)];
         let steps = left_out_steps(&fitted.fit.blocks, &fitted.fit.prior, &contiguous).unwrap_or_default();
-        let jackknife = self.bench.jackknife(&fitted.trial, &fitted.fit, &steps).unwrap_or_default();
+        let jackknife = self.refit.bench.jackknife(&fitted.trial, &fitted.fit, &steps).unwrap_or_default();
         let fewer = extended.map_or(1.0, |fit| {
-            (self.bench.series().stages() as f64 / fit.series.stages().max(1) as f64).min(1.0)
+            (self.refit.bench.series().stages() as f64 / fit.series.stages().max(1) as f64).min(1.0)
         });
         let between = |name: &str| {
             let found = jackknife.iter().find(|(own, _)| own == name).map(|(_, error)| error * fewer.sqrt());

@@ -139,8 +139,6 @@ pub struct BaseFit {
     pub chi2_per_dof: Vec<ChannelFit>,
     /// Of every sensor: root mean square of predictions 500 ms ahead, in standard deviations of the sensor.
     pub ahead_500ms_sigma: Vec<ChannelFit>,
-    /// Σ r² per degree of freedom of the blocks under the noise that the sensors have by themselves.
-    pub blocks_chi2_per_dof: f64,
     /// In words.
     pub sentence: String,
 }

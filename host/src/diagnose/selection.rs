@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!   current model ─▶ scan by blocks ─▶ refit the best, and what is collinear with them ─▶ gain of other blocks, with its interval
-//!        ▲                                                                                   │ supported, not noise, not below 2 % of what is left
+//!        ▲                                                                                   │ supported, not noise         
 //!        └── drop what no longer gains, exchange what a rival explains better ◀── add ◀──────┘            else: end
 //! ```
 //! Nothing is rolled back and nothing is struck out for another one's sake.
@@ -13,14 +13,14 @@ use super::axes::axes_of_step;
 use super::block_scores::{LawScore, collinearity, score_laws};
 use super::catalogue::{Candidate, Named};
 use super::criteria::{
-    BLOCKS, COLLINEAR, COLLINEAR_REFITTED, LEAST_SHARE, LEAST_SHARE_OF_ALL, LEVEL, MOST_FINDINGS, PROMISING, REFITTED, SCAN_SAMPLES,
+    BLOCKS, COLLINEAR, COLLINEAR_REFITTED, LEVEL, MOST_FINDINGS, PROMISING, REFITTED, SCAN_SAMPLES,
 };
 use super::events::{at_worst_times, p_of_event, timed};
 use super::interval::{Gain, bca, standard_error};
 use super::plausibility::Plausibility;
 use super::refit::{Fitted, Refit};
 use super::rivals::{Contender, best, weights};
-use super::significance::p_of_family;
+use super::significance::{p_of_both, p_of_family, p_of_mean};
 use crate::calibrate::{BlockScores, CalibrateError};
 use crate::effect::Effect;
 use crate::model::law::Law;
@@ -32,7 +32,7 @@ pub struct Scanned {
     pub named: Named,
     /// What the blocks say.
     pub score: LawScore,
-    /// Share of worlds without any effect in which any law passes so far.
+    /// Share of worlds without any effect in which any law comes this far.
     pub p_family: f64,
     /// Joints (1-based) in whose coordinates it shows.
     pub axes: Vec<usize>,
@@ -43,7 +43,7 @@ pub struct Scanned {
 pub struct Rival {
     /// Which.
     pub named: Named,
-    /// Σ r² saved out of sample.
+    /// What it gains out of sample.
     pub gain: f64,
     /// Its weight beside the accepted one and the other rivals.
     pub weight: f64,
@@ -56,12 +56,10 @@ pub struct Rival {
 pub struct Accepted {
     /// Which.
     pub named: Named,
-    /// Σ r² saved of each block out of sample when it came in.
+    /// What it gained in each block out of sample when it came in.
     pub gains: Vec<f64>,
     /// See [`Scanned::p_family`].
     pub p_family: f64,
-    /// Parameters that the motion shows.
-    pub freedom: usize,
     /// Its weight among its rivals.
     pub weight: f64,
     /// What is collinear with it.
@@ -85,19 +83,6 @@ pub struct Selection {
     pub not_finite: Vec<(&'static str, usize)>,
 }
 
-impl Selection {
-    /// Σ r² that the base model leaves over what noise does: of all blocks, out of sample.
-    pub fn excess(&self) -> f64 {
-        excess(&self.base)
-    }
-}
-
-/// Σ r² that a model leaves over what noise does, of all blocks, out of sample.
-pub fn excess(fitted: &Fitted) -> f64 {
-    fitted.left_out.iter().zip(&fitted.freedom).map(|(cost, freedom)| cost - freedom).sum::<f64>()
-        - fitted.log_determinants
-}
-
 /// The sum of what blocks gain, as a share.
 pub fn share(gains: &[f64], of: f64) -> Gain {
     let sum = |blocks: &mut dyn Iterator<Item = usize>| {
@@ -116,6 +101,8 @@ pub fn share(gains: &[f64], of: f64) -> Gain {
 /// The scan of all candidates that are not in yet.
 struct Scan {
     scores: BlockScores,
+    /// Laws with a score.
+    count: usize,
     /// Best first.
     scanned: Vec<Scanned>,
     not_finite: Vec<(&'static str, usize)>,
@@ -138,7 +125,7 @@ struct Tried {
 /// # Errors
 /// As a calibration's, of a model that was accepted; a law that cannot be fitted is passed over.
 pub fn select(
-    refit: &Refit<'_>,
+    refit: &mut Refit<'_>,
     base: Fitted,
     (candidates, clues): (&[Candidate], &[Named]),
     plausibility: &Plausibility,
@@ -160,11 +147,15 @@ pub fn select(
             selection.scan.clone_from(&scan.scanned);
         }
         selection.not_finite.clone_from(&scan.not_finite);
-        let Some((chosen, rivals)) = choose(&selection, &scan, tried, plausibility) else { break };
+        let Some((chosen, rivals)) = choose(&scan, tried, plausibility) else { break };
         tracing::debug!(effect = chosen.named.effect.id, weight = chosen.weight, "accepted");
         selection.current = rivals.fitted;
         selection.accepted.push(chosen);
         step("looking at what it stands for");
+        match refit.renew_noise(&selection.current) {
+            Ok(current) => selection.current = current,
+            Err(error) => tracing::debug!(%error, "the noise stays as it was"),
+        }
         drop_superfluous(refit, &mut selection)?;
         exchange(refit, &mut selection, plausibility);
     }
@@ -178,7 +169,7 @@ fn scan(refit: &Refit<'_>, selection: &Selection, candidates: &[Candidate]) -> R
     let mut named: Vec<Named> = Vec::new();
     for candidate in candidates.iter().filter(|candidate| !is_in(candidate.effect)) {
         let is_timed = candidate.alternatives.iter().any(|law| law.event_s().is_some());
-        let laws = if is_timed { at_worst_times(refit.bench, current, candidate)? } else { candidate.alternatives.clone() };
+        let laws = if is_timed { at_worst_times(&refit.bench, current, candidate)? } else { candidate.alternatives.clone() };
         named.extend(laws.into_iter().map(|law| Named { effect: candidate.effect, law }));
     }
     let laws: Vec<Arc<dyn Law>> = named.iter().map(|named| named.law.clone()).collect();
@@ -214,7 +205,7 @@ fn scan(refit: &Refit<'_>, selection: &Selection, candidates: &[Candidate]) -> R
         let (gain, score) = (s.score.gain(), s.score.score);
         tracing::debug!(effect = s.named.effect.id, gain, score, freedom = s.score.freedom, p = s.p_family, "scan");
     }
-    Ok(Scan { scores, scanned, not_finite })
+    Ok(Scan { scores, count, scanned, not_finite })
 }
 
 /// Refits of the first round, with that of `effect` among them: id, parameters, and Σ r² saved with each model's own parameters.
@@ -280,15 +271,15 @@ fn refitted(refit: &Refit<'_>, selection: &Selection, scan: &Scan, clues: &[Name
     let wanted = first.iter().chain(rest.iter().filter(is_collinear).take(COLLINEAR_REFITTED));
     for s in wanted.copied().chain(events) {
         let timed_law = if s.named.law.event_s().is_some() {
-            timed((refit.bench, &current.trial), s.named.clone())
+            timed((&refit.bench, &current.trial), s.named.clone())
         } else {
             Ok(s.named.clone())
         };
         let Ok(named) = timed_law else { continue };
         tried.extend(refit.with(&accepted, current, &named).map(|(named, fitted)| Tried {
+            p_family: of_refit(s, &fitted.gains_over(current), scan.count),
             gains: fitted.gains_over(current),
             freedom: s.score.freedom,
-            p_family: s.p_family,
             is_event: named.law.event_s().is_some(),
             score: Some(s.score.clone()),
             axes: s.axes.clone(),
@@ -298,13 +289,18 @@ fn refitted(refit: &Refit<'_>, selection: &Selection, scan: &Scan, clues: &[Name
     }
     // What a single event gains, against what its law finds elsewhere.
     for event in tried.iter_mut().filter(|tried| tried.is_event) {
-        event.gains = current.own.iter().zip(&event.fitted.own).map(|(before, after)| before - after).collect();
+        event.gains = event.fitted.own_gains_over(current);
         let most = event.gains.iter().copied().fold(0.0, f64::max);
         let elsewhere: Vec<f64> = event.gains.iter().copied().filter(|gain| *gain < most).map(f64::abs).collect();
         let times = refit.bench.series().stages() * refit.bench.series().joints();
         event.p_family = p_of_event(most, event.freedom, &elsewhere, times);
     }
     tried
+}
+
+/// The family's p of a law by its scan and by its refit: a tangent may show less than there is.
+fn of_refit(scanned: &Scanned, gains: &[f64], tests: usize) -> f64 {
+    p_of_both(scanned.p_family, p_of_family(p_of_mean(gains), tests))
 }
 
 fn axes_of_step_free(law: &dyn Law) -> Vec<usize> {
@@ -317,8 +313,8 @@ fn axes_of_step_free(law: &dyn Law) -> Vec<usize> {
     axes
 }
 
-/// Whether an addition is supported: out of sample, against noise, and large enough beside what is left.
-fn is_supported(tried: &Tried, least: f64) -> bool {
+/// Whether an addition is supported: out of sample, and against noise.
+fn is_supported(tried: &Tried) -> bool {
     let gain = share(&tried.gains, 1.0);
     let supported = tried.is_event || gain.is_supported();
     tracing::debug!(
@@ -326,10 +322,9 @@ fn is_supported(tried: &Tried, least: f64) -> bool {
         gain = gain.share,
         ci95 = ?gain.ci95,
         p = tried.p_family,
-        least,
         "supported?"
     );
-    supported && tried.p_family < LEVEL && gain.share >= least && gain.share > 0.0
+    supported && tried.p_family < LEVEL && gain.share > 0.0
 }
 
 /// What stands in the place of the chosen one.
@@ -338,20 +333,17 @@ struct Chosen {
 }
 
 fn choose(
-    selection: &Selection,
     scan: &Scan,
     tried: Vec<Tried>,
     plausibility: &Plausibility,
 ) -> Option<(Accepted, Chosen)> {
-    let left = excess(&selection.current).max(0.0);
-    let least = (LEAST_SHARE * left).max(LEAST_SHARE_OF_ALL * selection.excess());
     let gain = |tried: &Tried| tried.gains.iter().sum::<f64>();
     let contender = |tried: &Tried| Contender {
         gains: tried.gains.clone(),
         freedom: tried.freedom,
         implausibility: plausibility.of_law(tried.named.effect, &tried.fitted.trial),
     };
-    let supported: Vec<bool> = tried.iter().map(|tried| is_supported(tried, least)).collect();
+    let supported: Vec<bool> = tried.iter().map(|tried| is_supported(tried)).collect();
     let top = (0..tried.len()).filter(|i| supported[*i]).max_by(|a, b| gain(&tried[*a]).total_cmp(&gain(&tried[*b])))?;
     // Those that may stand for it: their columns do the same to the residuals.
     let alike = |i: usize| match (&tried[top].score, &tried[i].score) {
@@ -381,7 +373,6 @@ fn choose(
         named: tried.named,
         gains: tried.gains,
         p_family: tried.p_family,
-        freedom: tried.freedom,
         weight,
         rivals,
         is_event: tried.is_event,
@@ -396,9 +387,9 @@ fn choose(
 pub fn without(refit: &Refit<'_>, selection: &Selection, place: usize) -> Result<(Fitted, Vec<f64>), CalibrateError> {
     let others = selection.accepted.iter().enumerate().filter(|(other, _)| *other != place);
     let others: Vec<&Named> = others.map(|(_, accepted)| &accepted.named).collect();
-    let fitted = if others.is_empty() { selection.base.clone() } else { refit.of(&others, &selection.current)? };
+    let fitted = refit.of(&others, &selection.current)?;
     let lost = if selection.accepted[place].is_event {
-        fitted.own.iter().zip(&selection.current.own).map(|(without, with)| without - with).collect()
+        selection.current.own_gains_over(&fitted)
     } else {
         selection.current.gains_over(&fitted)
     };
@@ -410,9 +401,8 @@ fn drop_superfluous(refit: &Refit<'_>, selection: &mut Selection) -> Result<(), 
     let mut place = 0;
     while selection.accepted.len() > 1 && place + 1 < selection.accepted.len() {
         let (fitted, lost) = without(refit, selection, place)?;
-        let least = (LEAST_SHARE * excess(&fitted).max(0.0)).max(LEAST_SHARE_OF_ALL * selection.excess());
         let gain = share(&lost, 1.0);
-        let is_needed = (gain.is_supported() || selection.accepted[place].is_event) && gain.share >= least;
+        let is_needed = gain.is_supported() || selection.accepted[place].is_event && gain.share > 0.0;
         tracing::debug!(effect = selection.accepted[place].named.effect.id, lost = gain.share, ci95 = ?gain.ci95, "drop?");
         if is_needed {
             place += 1;

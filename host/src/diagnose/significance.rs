@@ -8,7 +8,7 @@
 //! where h_b is the share of the information that block b has (Satterthwaite 1946; Rotnitzky and Jewell 1990). The size of the assumed noise cancels.
 
 use nalgebra::{DMatrix, DVector};
-use statrs::distribution::{ContinuousCDF, FisherSnedecor};
+use statrs::distribution::{ContinuousCDF, FisherSnedecor, StudentsT};
 
 /// Share of worlds without the law in which its blocks would agree as much. `scores` are u_b, `residuals` e_b, `shares` h_b.
 pub fn p_of_blocks(scores: &[DVector<f64>], residuals: &[DVector<f64>], shares: &[f64]) -> f64 {
@@ -30,6 +30,23 @@ pub fn p_of_ratio(ratio: f64, freedom: f64, independent: f64) -> f64 {
         Ok(distribution) => distribution.sf(ratio).clamp(0.0, 1.0),
         Err(_) => 1.0,
     }
+}
+
+/// Share of worlds in which blocks gain as much on average though the law gains nothing (Student's t, one-sided).
+pub fn p_of_mean(gains: &[f64]) -> f64 {
+    let count = gains.len() as f64;
+    let mean = gains.iter().sum::<f64>() / count;
+    let variance = gains.iter().map(|gain| (gain - mean).powi(2)).sum::<f64>() / (count - 1.0);
+    let t = mean / (variance / count).sqrt();
+    match StudentsT::new(0.0, 1.0, (count - 1.0).max(1.0)) {
+        Ok(distribution) if t.is_finite() => distribution.sf(t),
+        _ => 1.0,
+    }
+}
+
+/// The p-value of two tests of the same, of which the smaller is taken (Bonferroni).
+pub fn p_of_both(a: f64, b: f64) -> f64 {
+    (2.0 * a.min(b)).min(1.0)
 }
 
 /// Share of noise in which the least of so many p-values is at most `p` (Šidák: exact for independent tests, and too careful for others).
