@@ -15,15 +15,7 @@ pub(super) fn section(diagnosis: &Diagnosis, names: &Names<'_>) -> Section {
     let fit = &diagnosis.base_fit;
     let mut section = Section::new("Does the base model fit?");
     let (answer, tone) = if fit.fits { ("yes", Tone::Good) } else { ("no", Tone::Bad) };
-    let mut figures = vec![("does the base model fit?", answer.to_owned(), tone)];
-    if fit.blocks_chi2_per_dof.is_finite() {
-        figures.push((
-            "χ² per degree of freedom under the noise that the sensors have by themselves; 1 is a perfect fit",
-            significant(fit.blocks_chi2_per_dof, 3),
-            Tone::Plain,
-        ));
-    }
-    section.figures(figures);
+    section.figures([("does the base model fit?", answer, tone)]);
     let ahead = fit.ahead_500ms_sigma.iter().filter(|ahead| ahead.value.is_finite());
     let bars: Vec<Bar> = ahead
         .map(|ahead| {

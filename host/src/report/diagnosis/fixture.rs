@@ -71,7 +71,6 @@ pub(crate) fn diagnosis(number: f64, text: &str) -> Diagnosis {
                 ChannelFit { channel: "process.qd[2]".into(), value: number },
             ],
             ahead_500ms_sigma: vec![ChannelFit { channel: "encoder2".into(), value: number }],
-            blocks_chi2_per_dof: number,
             sentence: format!("The base model does not fit {text}."),
         },
         findings: vec![finding("asymmetric_friction", 0.2, &[]), finding("cogging", 0.4, &FLAGS)],
