@@ -4,9 +4,11 @@ use std::path::PathBuf;
 
 use super::calibrate::calibrate_failure;
 use super::{Exit, Failure, FitnessArgs, ResultArgs, Ui, read_failure, robot_failure};
-use crate::diagnose::{self, DiagnoseError, Diagnosis, Gain, Options, Verdict};
-use crate::robot::Robot;
+use crate::diagnose::{self, DiagnoseError, Diagnosis, Finding, Options, Verdict};
 use crate::recording::Recording;
+use crate::report::diagnosis::words::{self, Names};
+use crate::report::number::{seconds, significant};
+use crate::robot::Robot;
 use crate::{recording, report};
 
 /// Show what the model gets wrong, name the cause, measure what knowing it brings
@@ -37,7 +39,8 @@ pub struct Args {
 pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
     let outputs = args.result.claim()?;
     let other = args.robot.as_deref().map(Robot::load).transpose().map_err(robot_failure)?;
-    let runs: Vec<Recording> = args.recordings.iter().map(|path| recording::read(path)).collect::<Result<_, _>>().map_err(read_failure)?;
+    let runs: Vec<Recording> =
+        args.recordings.iter().map(|path| recording::read(path)).collect::<Result<_, _>>().map_err(read_failure)?;
     let holdout = args.holdout.as_deref().map(recording::read).transpose().map_err(read_failure)?;
     for recording in runs.iter().chain(&holdout) {
         args.fitness.look(recording, recording.source.path.display(), ui)?;
@@ -75,64 +78,147 @@ pub(super) fn diagnose_failure(error: DiagnoseError) -> Failure {
 
 /// The findings for people.
 pub(super) fn print(ui: &Ui, diagnosis: &Diagnosis) {
-    ui.say(&diagnosis.summary);
-    for finding in &diagnosis.findings {
-        ui.say(format_args!(
-            "{}: {} of what the base model leaves unexplained, p {:.1e}{}",
-            finding.effect,
-            gain_in_words(&finding.cv_gain),
-            finding.p_value,
-            finding.holdout_gain.as_ref().map_or_else(String::new, |gain| {
-                format!("; on the other motion the error is {} less", gain_in_words(gain))
-            })
-        ));
-        for p in &finding.parameters {
-            let error = p.std_error.map_or_else(String::new, |error| format!(" ± {error:.2e}"));
-            ui.say(format_args!("    {:<28} {:>12.6}{error} {}", p.name, p.estimate, p.unit));
-        }
-        if let Some(acts_like) = &finding.acts_like {
-            ui.say(format_args!("    {acts_like}"));
-        }
-        if !finding.flags.is_empty() {
-            let flags: Vec<&str> = finding.flags.iter().map(|flag| flag.words()).collect();
-            ui.say(format_args!("    {}", flags.join("; ")));
-        }
-        if !finding.aliases.is_empty() {
-            ui.say(format_args!("    this motion cannot tell it from {}", finding.aliases.join(", ")));
-        }
-    }
-    for rejected in &diagnosis.rejected {
-        ui.say(format_args!("rejected: {}: {}", rejected.effect, rejected.why));
-    }
-    if let Some(all) = &diagnosis.holdout_gain {
-        for horizon in &all.by_horizon {
-            ui.say(format_args!("all sensors, {:>5} s ahead on the other motion: error {} less", horizon.horizon_s, gain_in_words(&horizon.gain)));
-        }
-    }
-    if let Some(finding) = diagnosis.findings.first() {
-        for gain in finding.gain.iter().filter(|gain| gain.horizon_s == 0.5) {
-            let interval = gain.ci95.map_or_else(String::new, |[low, high]| format!(" [{:.0}, {:.0}]", 100.0 * low, 100.0 * high));
-            ui.say(format_args!(
-                "    error 500 ms ahead, {:<18} {:.3e} before, {:.3e} after: {:.0} % less{interval}",
-                gain.channel,
-                gain.rmse_base,
-                gain.rmse_extended,
-                100.0 * gain.gain,
-            ));
-        }
-    }
-    for defect in diagnosis.unexplained.places.iter().take(3) {
-        let axis = defect.axis.map_or_else(String::new, |axis| format!(" of joint {axis}"));
-        ui.say(format_args!(
-            "left over: {:.0} % as a function of {}{axis}",
-            100.0 * defect.share,
-            defect.argument.replace('_', " ")
-        ));
+    for line in lines(diagnosis) {
+        ui.say(line);
     }
 }
 
-/// A share with its interval, in per cent.
-fn gain_in_words(gain: &Gain) -> String {
-    let interval = gain.ci95.map_or_else(String::new, |[low, high]| format!(" [{:.0}, {:.0}]", 100.0 * low, 100.0 * high));
-    format!("{:.0} %{interval}", 100.0 * gain.share)
+/// Lines are broken at this many characters where they can be.
+const WIDTH: usize = 100;
+const INDENT: &str = "    ";
+
+/// Whether the model fits, causes in their order, what they bring together, what was rejected, what is left.
+fn lines(diagnosis: &Diagnosis) -> Vec<String> {
+    let names = Names::of(diagnosis);
+    let mut lines = Vec::new();
+    wrap(&mut lines, "", &diagnosis.base_fit.sentence);
+    wrap(&mut lines, "", words::why(diagnosis));
+    for (place, finding) in words::in_order(diagnosis).into_iter().enumerate() {
+        cause(&mut lines, place + 1, finding, &names);
+    }
+    together(&mut lines, diagnosis, &names);
+    for rejected in &diagnosis.rejected {
+        let law = names.law(&rejected.effect, &rejected.axes);
+        wrap(&mut lines, "", &format!("rejected: {law}: {}", rejected.why));
+    }
+    if let Some(left) = words::share(diagnosis.unexplained.excess, None) {
+        lines.push(format!("left over: {left} of what the base model left unexplained"));
+    }
+    for defect in diagnosis.unexplained.places.iter().take(3) {
+        let share = words::share(defect.share, None).map_or_else(String::new, |share| format!(": {share}"));
+        wrap(&mut lines, INDENT, &format!("{}{share}", names.place(defect)));
+    }
+    lines
+}
+
+/// One cause: gains, parameters with intervals, what a reader has to know beside the name.
+fn cause(lines: &mut Vec<String>, number: usize, finding: &Finding, names: &Names<'_>) {
+    lines.push(format!("{number}. {}, {}", names.law(&finding.effect, &finding.axes), finding.effect));
+    if let Some(acts_like) = &finding.acts_like {
+        wrap(lines, INDENT, acts_like);
+    }
+    let on_other = finding.holdout_gain.as_ref().and_then(|gain| words::error_change(gain.share, gain.ci95));
+    lines.extend(on_other.map(|change| format!("{INDENT}on the other motion: {change}")));
+    let unexplained = words::gain(&finding.cv_gain);
+    lines.extend(unexplained.map(|share| format!("{INDENT}out of sample: {share} of what was unexplained")));
+    for p in &finding.parameters {
+        let interval = words::interval_of(p).map_or_else(String::new, |interval| format!("   95 %: {interval}"));
+        let name = names.parameter(&finding.effect, &p.name);
+        lines.push(format!("{INDENT}{name:<20} {:>24}{interval}", words::estimate(p)));
+    }
+    let flags: Vec<&str> = finding.flags.iter().map(|flag| flag.words()).collect();
+    wrap(lines, INDENT, &flags.join("; "));
+    if !finding.aliases.is_empty() {
+        let others: Vec<String> = finding.aliases.iter().map(|alias| words::title(alias)).collect();
+        wrap(lines, INDENT, &format!("this motion cannot tell it from: {}", others.join("; ")));
+    }
+    if !finding.rivals.is_empty() {
+        let weight = |effect: &str, axes: &[usize], weight: f64| {
+            format!("{} {}", names.law(effect, axes), significant(weight, 3))
+        };
+        let rivals = finding.rivals.iter().map(|rival| weight(&rival.effect, &rival.axes, rival.weight));
+        let all: Vec<String> =
+            std::iter::once(weight(&finding.effect, &finding.axes, finding.weight)).chain(rivals).collect();
+        wrap(lines, INDENT, &format!("weights: {}", all.join("; ")));
+    }
+}
+
+/// What all causes bring together on the other motion.
+fn together(lines: &mut Vec<String>, diagnosis: &Diagnosis, names: &Names<'_>) {
+    let Some(all) = &diagnosis.holdout_gain else { return };
+    if let Some(change) = words::error_change(all.joint.share, all.joint.ci95) {
+        wrap(lines, "", &format!("together, on {}: {change}", words::other_motion(diagnosis)));
+    }
+    for horizon in &all.by_horizon {
+        if let Some(change) = words::error_change(horizon.gain.share, horizon.gain.ci95) {
+            lines.push(format!("{INDENT}{:>6} ahead: {change}", seconds(horizon.horizon_s)));
+        }
+    }
+    let gains = diagnosis.findings.first().map_or(&[][..], |finding| &finding.gain);
+    for gain in gains.iter().filter(|gain| gain.horizon_s == 0.5) {
+        let Some(change) = words::error_change(gain.gain, gain.ci95) else { continue };
+        let [before, after] = words::in_unit([gain.rmse_base, gain.rmse_extended], names.unit(&gain.channel));
+        let channel = names.channel(&gain.channel);
+        lines.push(format!("{INDENT}500 ms ahead, {channel:<24} {before} → {after}, {change}"));
+    }
+}
+
+/// Adds text that is broken between words; further lines are indented by a step more. Nothing of an empty text.
+fn wrap(lines: &mut Vec<String>, indent: &str, text: &str) {
+    let mut line = String::new();
+    let mut is_first = true;
+    for word in text.split_whitespace() {
+        if !line.is_empty() && line.chars().count() + 1 + word.chars().count() > WIDTH {
+            lines.push(std::mem::take(&mut line));
+            is_first = false;
+        }
+        if line.is_empty() {
+            line.push_str(indent);
+            line.push_str(if is_first { "" } else { "  " });
+        } else {
+            line.push(' ');
+        }
+        line.push_str(word);
+    }
+    if !line.is_empty() {
+        lines.push(line);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::report::diagnosis::fixture;
+
+    #[test]
+    fn the_first_line_says_whether_the_model_fits_and_lines_fit_a_terminal() {
+        let text = "of axis one ".repeat(20);
+        let diagnosed = fixture::diagnosis(0.7, text.trim());
+        let lines = lines(&diagnosed);
+        assert!(lines[0].starts_with("The base model does not fit of axis one"), "{lines:#?}");
+        assert!(lines.iter().all(|line| line.chars().count() <= 110), "{lines:#?}");
+        let place = |start: &str| {
+            let found = lines.iter().position(|line| line.starts_with(start));
+            found.unwrap_or_else(|| panic!("no line starts with {start}: {lines:#?}"))
+        };
+        let order = [
+            "1. torque ripple of the motors (pitch)",
+            "2. friction that differs",
+            "together, on",
+            "rejected:",
+            "left over: 70 %",
+        ];
+        assert!(order.map(place).is_sorted(), "{lines:#?}");
+        assert!(lines.iter().any(|line| line.contains("28 % less error [21, 35]")), "{lines:#?}");
+        assert!(!lines_of_nothing().iter().any(|line| line.contains("NaN")));
+    }
+
+    fn lines_of_nothing() -> Vec<String> {
+        let mut diagnosed = fixture::diagnosis(f64::NAN, "x");
+        let mut all = lines(&diagnosed);
+        diagnosed.findings.clear();
+        diagnosed.holdout_gain = None;
+        all.extend(lines(&diagnosed));
+        all
+    }
 }

@@ -30,6 +30,7 @@ mod rivals;
 mod selection;
 mod significance;
 mod stability;
+mod stretch;
 mod yardstick;
 
 pub use block_scores::{LawScore, score_laws};
@@ -42,6 +43,7 @@ pub use result::{
     OverTime, Picture, Rejected, Rival, Unexplained, Verdict,
 };
 pub use stability::Stability;
+pub use stretch::Stretch;
 pub use yardstick::yardstick;
 
 use criteria::{BLOCKS, LEAST_BLOCK, SAMPLES, WORST_BLOCKS};

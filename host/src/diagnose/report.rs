@@ -4,7 +4,7 @@ use super::axes::{axes, is_of, joint_of};
 use super::base_fit::base_fit;
 use super::criteria::{IMPLAUSIBLE, LEAST_SHARE, LEVEL, WEIGHT};
 use super::cross_validation::left_out_steps;
-use super::curves::{Curves, Shape};
+use super::curves::{Argument, Curves, Shape, Target};
 use super::holdout::{Holdout, Predicted};
 use super::interval::Gain;
 use super::plausibility::Plausibility;
@@ -17,7 +17,7 @@ use super::selection::{Accepted, Selection, share, without};
 use super::stability::{Stability, stability};
 use crate::calibrate::{Fit, ParameterEstimate};
 use crate::effect::{Effect, Role};
-use crate::robot::{Robot, Symbol};
+use crate::robot::{JointKind, Robot, Symbol};
 
 /// The first shape is final where less than this share of its part is left.
 const FINAL_SHARE: f64 = 0.05;
@@ -202,7 +202,7 @@ pub fn report(
         not_testable,
         scan,
         threshold_p: LEVEL,
-        curves: significant.take(3).flat_map(pictures).collect(),
+        curves: significant.take(3).flat_map(|curve| pictures(robot, curve)).collect(),
         holdout,
         base: base.calibration.clone(),
         extended: extended.map_or_else(|| base.calibration.clone(), |fit| fit.calibration),
@@ -419,13 +419,17 @@ fn defects(curve: &Curves, share: f64) -> Vec<Defect> {
 }
 
 /// A curve of every joint, drawn.
-fn pictures(curve: &Curves) -> Vec<Picture> {
+fn pictures(robot: &Robot, curve: &Curves) -> Vec<Picture> {
     // Ten of them a wave, where there are many a turn.
     const POINTS: usize = 161;
     let of_joint = |(joint, shape, coefficients): &(usize, super::curves::Curve, Vec<f64>)| {
         let [low, high] = shape.range();
         let at: Vec<f64> = (0..POINTS).map(|i| low + (high - low) * i as f64 / (POINTS - 1) as f64).collect();
         let torque: Vec<f64> = at.iter().map(|x| shape.value(coefficients, *x)).collect();
+        let of_kind = |unit: &str| match robot.joints[*joint].kind {
+            JointKind::Revolute => unit.to_string(),
+            JointKind::Prismatic => unit.replace("N m", "N").replace("rad", "m"),
+        };
         let mean = match shape.shape {
             Shape::Spline(_) => torque.iter().sum::<f64>() / POINTS as f64,
             Shape::Ripple(_) => 0.0,
@@ -434,9 +438,17 @@ fn pictures(curve: &Curves) -> Vec<Picture> {
             row: curve.place.row(),
             axis: joint + 1,
             argument: curve.place.argument.name().to_string(),
-            argument_unit: curve.place.argument.unit().to_string(),
+            argument_unit: match curve.place.argument {
+                Argument::MotorPhase => "rad".to_string(),
+                argument => of_kind(argument.unit()),
+            },
             at,
             torque: torque.into_iter().map(|torque| torque - mean).collect(),
+            unit: of_kind(match curve.place.target {
+                Target::Torque(_) => "N m",
+                Target::Position(_) => "rad",
+                Target::Gyro => "rad/s",
+            }),
             score: curve.gain(),
         }
     };

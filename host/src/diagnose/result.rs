@@ -268,8 +268,10 @@ pub struct Picture {
     pub argument_unit: String,
     /// Values of the argument.
     pub at: Vec<f64>,
-    /// The torque that is missing there, N m (N), less its mean.
+    /// What is missing there, in `unit`, less its mean.
     pub torque: Vec<f64>,
+    /// Unit of what is missing: N m or N of a torque row, rad or m of a position sensor.
+    pub unit: String,
     /// Twice the log-likelihood of other blocks that all joints' curves of this argument gain.
     pub score: f64,
 }

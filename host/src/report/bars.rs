@@ -1,7 +1,7 @@
 //! Bar charts: one row a candidate or a channel, lying, so that names stay readable.
 
 use super::html::Html;
-use super::number::significant;
+use super::number::{percent, significant};
 use super::svg::{Scale, coordinate, label, line, tick_label};
 
 /// What a bar means to the reader.
@@ -69,13 +69,21 @@ pub struct BarChart {
     bars: Vec<Bar>,
     threshold: Option<(f64, String)>,
     logarithmic: bool,
+    shares: bool,
     caption: String,
 }
 
 impl BarChart {
     /// An empty chart; the label is of the form `quantity (unit)`.
     pub fn new(x_label: impl Into<String>) -> Self {
-        Self { x_label: x_label.into(), bars: Vec::new(), threshold: None, logarithmic: false, caption: String::new() }
+        Self {
+            x_label: x_label.into(),
+            bars: Vec::new(),
+            threshold: None,
+            logarithmic: false,
+            shares: false,
+            caption: String::new(),
+        }
     }
 
     /// Adds a row.
@@ -106,6 +114,13 @@ impl BarChart {
         self
     }
 
+    /// Values beside the bars in per cent.
+    #[must_use]
+    pub fn in_percent(mut self) -> Self {
+        self.shares = true;
+        self
+    }
+
     /// A sentence below the chart.
     #[must_use]
     pub fn caption(mut self, caption: impl Into<String>) -> Self {
@@ -117,7 +132,8 @@ impl BarChart {
         &self.caption
     }
 
-    fn scale(&self) -> Scale {
+    fn scale(&self, layout: &Layout) -> Scale {
+        let (left, right) = (layout.left, layout.right);
         let values = || {
             let ends = self.bars.iter().flat_map(|b| {
                 let (low, high) = b.interval.unwrap_or((b.value, b.value));
@@ -131,86 +147,128 @@ impl BarChart {
             if low.is_finite() && high > 0.0 {
                 // From the decade below the least value, so that its bar still has a length.
                 let first = 10f64.powf((low.log10() - 1e-9).floor());
-                return Scale::logarithmic(first, high.max(first * 10.0) * 1.1, BAR_LEFT, BAR_RIGHT);
+                return Scale::logarithmic(first, high.max(first * 10.0) * 1.1, left, right);
             }
         }
         let low = values().fold(0.0, f64::min);
         let high = high.max(0.0);
         let room = 0.04 * (high - low);
-        Scale::linear(
-            if low < 0.0 { low - room } else { 0.0 },
-            if high > 0.0 { high + room } else { 0.0 },
-            BAR_LEFT,
-            BAR_RIGHT,
-        )
+        Scale::linear(if low < 0.0 { low - room } else { 0.0 }, if high > 0.0 { high + room } else { 0.0 }, left, right)
     }
 
+    /// The chart twice: names beside the bars for a wide page, above them for a phone. The style sheet shows one.
     pub(super) fn write(&self, h: &mut Html) {
-        let scale = self.scale();
-        let bottom = TOP + ROW * self.bars.len() as f64;
+        self.write_as(h, &WIDE);
+        self.write_as(h, &NARROW);
+    }
+
+    fn write_as(&self, h: &mut Html, layout: &Layout) {
+        let scale = self.scale(layout);
+        let top = if self.threshold.is_some() { TOP } else { TOP_WITHOUT };
+        let bottom = top + layout.row * self.bars.len() as f64;
         let height = bottom + 44.0;
         h.element(
             "svg",
             &[
-                ("class", "chart"),
-                ("viewBox", &format!("0 0 {WIDTH} {height}")),
+                ("class", layout.class),
+                ("viewBox", &format!("0 0 {} {height}", layout.width)),
                 ("role", "img"),
                 ("aria-label", &self.x_label),
             ],
             |h| {
-                for tick in scale.ticks(6) {
+                let ticks = scale.ticks(layout.ticks);
+                for &tick in ticks.iter().step_by(ticks.len().div_ceil(2 * layout.ticks).max(1)) {
                     let x = scale.px(tick);
-                    line(h, "grid", (x, TOP), (x, bottom));
+                    line(h, if tick == 0.0 { "zero" } else { "grid" }, (x, top), (x, bottom));
                     label(h, "tick", "middle", (x, bottom + 16.0), &tick_label(tick));
                 }
                 for (row, bar) in self.bars.iter().enumerate() {
-                    self.write_row(h, &scale, bar, TOP + ROW * row as f64);
+                    self.write_row(h, (layout, &scale), bar, top + layout.row * row as f64);
                 }
                 if let Some((value, name)) = &self.threshold {
                     let x = scale.px(*value);
-                    line(h, "threshold", (x, TOP - 6.0), (x, bottom));
-                    let anchor = if x > 0.75 * WIDTH { "end" } else { "start" };
-                    label(h, "threshold-label", anchor, (x, TOP - 10.0), name);
+                    line(h, "threshold", (x, top - 6.0), (x, bottom));
+                    let anchor = if x > 0.6 * layout.width { "end" } else { "start" };
+                    label(h, "threshold-label", anchor, (x, top - 10.0), name);
                 }
-                let middle = (BAR_LEFT + BAR_RIGHT) / 2.0;
-                label(h, "axis", "middle", (middle, bottom + 36.0), &self.x_label);
+                label(h, "axis", "middle", (layout.middle, bottom + 36.0), &self.x_label);
             },
         );
     }
 
-    fn write_row(&self, h: &mut Html, scale: &Scale, bar: &Bar, top: f64) {
-        let middle = top + ROW / 2.0;
-        label(h, "row", "end", (BAR_LEFT - 8.0, middle + 4.5), &bar.label);
-        let zero = if self.logarithmic { BAR_LEFT } else { scale.px(0.0) };
+    fn write_row(&self, h: &mut Html, (layout, scale): (&Layout, &Scale), bar: &Bar, top: f64) {
+        let from = top + layout.name;
+        let middle = (from + top + layout.row) / 2.0;
+        if layout.name > 0.0 {
+            label(h, "row", "start", (layout.left, from - 3.0), &bar.label);
+        } else {
+            label(h, "row", "end", (layout.left - 8.0, middle + 4.5), &bar.label);
+        }
+        let zero = if self.logarithmic { layout.left } else { scale.px(0.0) };
         let end = if bar.value.is_finite() { scale.px(bar.value) } else { zero };
         h.element(
             "rect",
             &[
                 ("class", &format!("bar {}", bar.tone.class())),
                 ("x", &coordinate(zero.min(end))),
-                ("y", &coordinate(top + 3.0)),
+                ("y", &coordinate(from + 3.0)),
                 ("width", &coordinate((end - zero).abs())),
-                ("height", &coordinate(ROW - 6.0)),
+                ("height", &coordinate(layout.row - layout.name - 6.0)),
             ],
             |_| {},
         );
-        if let Some((low, high)) = bar.interval {
+        if let Some((low, high)) = bar.interval.filter(|(low, high)| low.is_finite() && high.is_finite()) {
             let (a, b) = (scale.px(low), scale.px(high));
             line(h, "whisker", (a, middle), (b, middle));
             for x in [a, b] {
                 line(h, "whisker", (x, middle - 4.0), (x, middle + 4.0));
             }
         }
-        label(h, "value", "start", (BAR_RIGHT + 8.0, middle + 4.5), &significant(bar.value, 3));
+        let value = if self.shares { percent(bar.value) } else { significant(bar.value, 3) };
+        label(h, "value", "start", (layout.right + 8.0, middle + 4.5), &value);
     }
 }
 
-/// Pixels of the drawing, which the page scales to its width.
-const WIDTH: f64 = 960.0;
-const BAR_LEFT: f64 = 250.0;
-const BAR_RIGHT: f64 = 870.0;
+/// Where things are in a drawing, in pixels, which the page scales to its width.
+struct Layout {
+    class: &'static str,
+    width: f64,
+    /// Ends of the scale.
+    left: f64,
+    right: f64,
+    /// Middle of the label below the scale.
+    middle: f64,
+    /// Height of a row.
+    row: f64,
+    /// Height of the name above the bar; zero where it stands beside the bar.
+    name: f64,
+    /// About so many ticks, and at most twice as many.
+    ticks: usize,
+}
+
+const WIDE: Layout = Layout {
+    class: "chart wide",
+    width: 960.0,
+    left: 250.0,
+    right: 870.0,
+    middle: 560.0,
+    row: 22.0,
+    name: 0.0,
+    ticks: 6,
+};
+const NARROW: Layout = Layout {
+    class: "chart narrow",
+    width: 362.0,
+    left: 14.0,
+    right: 296.0,
+    middle: 181.0,
+    row: 36.0,
+    name: 16.0,
+    ticks: 4,
+};
+/// Room above the bars: for the threshold's name, where there is one.
 const TOP: f64 = 26.0;
-const ROW: f64 = 22.0;
+const TOP_WITHOUT: f64 = 6.0;
 
 #[cfg(test)]
 mod tests {
@@ -241,5 +299,7 @@ mod tests {
         assert!(svg(&BarChart::new("x")).contains("</svg>"));
         let text = svg(&BarChart::new("x").bar(Bar::new("a", f64::NAN)).by_decades());
         assert!(!text.contains("NaN"), "{text}");
+        let text = svg(&BarChart::new("x").bar(Bar::new("a", 0.3).interval(f64::NAN, 0.4)).in_percent());
+        assert!(!text.contains("NaN") && text.contains(">30 %<"), "{text}");
     }
 }

@@ -57,6 +57,20 @@ pub fn seconds(seconds: f64) -> String {
     if seconds.abs() < 1.0 { format!("{} ms", (1e6 * seconds).round() / 1e3) } else { format!("{seconds:.1} s") }
 }
 
+/// The decimal prefix with which values as large as `largest` read best in a unit, and its factor: values are divided by it.
+///
+/// Products of units take it on their first: kN m, mrad/s. What has no unit takes none.
+pub fn prefixed(largest: f64, unit: &str) -> (String, f64) {
+    const PREFIXES: [(f64, &str); 7] =
+        [(1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n")];
+    let takes = unit.chars().next().is_some_and(char::is_alphabetic) && !unit.starts_with("kg");
+    let found = PREFIXES.iter().find(|(factor, _)| largest.abs() >= 0.5 * factor);
+    match found {
+        Some((factor, prefix)) if takes && largest.is_finite() => (format!("{prefix}{unit}"), *factor),
+        _ => (unit.to_owned(), 1.0),
+    }
+}
+
 fn superscript(exponent: i32) -> String {
     exponent
         .to_string()
@@ -92,6 +106,20 @@ mod tests {
         assert_eq!(with_error(0.051_941, Some(1.3e-5)), "0.051941 ± 0.000013");
         assert_eq!(with_error(2.5, None), "2.5000");
         assert_eq!(with_error(2.5, Some(f64::INFINITY)), "2.5000");
+    }
+
+    #[test]
+    fn prefixes_keep_the_largest_between_a_half_and_five_hundred() {
+        assert_eq!(prefixed(0.0016, "m"), ("mm".to_owned(), 1e-3));
+        assert_eq!(prefixed(91_681.0, "N m"), ("kN m".to_owned(), 1e3));
+        assert_eq!(prefixed(-5.3, "N"), ("N".to_owned(), 1.0));
+        assert_eq!(prefixed(0.998, "N"), ("N".to_owned(), 1.0));
+        assert_eq!(prefixed(2e-5, "rad"), ("µrad".to_owned(), 1e-6));
+        for (largest, unit) in
+            [(0.0, "rad"), (f64::NAN, "rad"), (f64::INFINITY, "rad"), (1e-3, ""), (5e3, "1"), (1e-3, "kg")]
+        {
+            assert_eq!(prefixed(largest, unit), (unit.to_owned(), 1.0));
+        }
     }
 
     #[test]

@@ -163,6 +163,13 @@ impl Section {
         table.write(&mut self.body);
     }
 
+    /// What `inside` adds, beside each other where the page is wide enough, else below each other.
+    pub fn beside(&mut self, inside: impl FnOnce(&mut Self)) {
+        let mut blocks = Section::default();
+        inside(&mut blocks);
+        self.body.element("div", &[("class", "beside")], |h| h.append(&blocks.body));
+    }
+
     /// A line plot under its title.
     ///
     /// # Panics

@@ -29,6 +29,10 @@ pub enum Colour {
     Axis(usize),
     /// The colour of text, for what belongs to no axis.
     Neutral,
+    /// What a model says before something was added to it.
+    Before,
+    /// What it says after.
+    After,
 }
 
 /// How many colours the style sheet has for axes; further axes start again.
@@ -40,6 +44,8 @@ impl Colour {
         match self {
             Self::Axis(i) => format!("--axis-{}", i % AXIS_COLOURS + 1),
             Self::Neutral => "--ink".into(),
+            Self::Before => "--before".into(),
+            Self::After => "--after".into(),
         }
     }
 }
@@ -96,6 +102,7 @@ pub struct LinePlot<'a> {
     zoom: Option<Range<f64>>,
     bands: Vec<Band>,
     group: Option<String>,
+    zero_line: bool,
     height_px: u32,
     budget: usize,
     caption: String,
@@ -112,6 +119,7 @@ impl<'a> LinePlot<'a> {
             zoom: None,
             bands: Vec::new(),
             group: None,
+            zero_line: false,
             height_px: 220,
             budget: DEFAULT_BUDGET,
             caption: String::new(),
@@ -143,6 +151,13 @@ impl<'a> LinePlot<'a> {
     #[must_use]
     pub fn group(mut self, name: impl Into<String>) -> Self {
         self.group = Some(name.into());
+        self
+    }
+
+    /// Draws the line of zero where the range holds it.
+    #[must_use]
+    pub fn zero_line(mut self) -> Self {
+        self.zero_line = true;
         self
     }
 
@@ -187,6 +202,7 @@ impl<'a> LinePlot<'a> {
             zoom: self.zoom.filter(|_| window.is_some_and(|w| w.len() > 1)).map(|z| [z.start, z.end]),
             bands: self.bands,
             group: self.group,
+            zero: self.zero_line,
             height: self.height_px,
             caption: self.caption,
         }
@@ -204,6 +220,7 @@ pub(super) struct PlotData {
     pub(super) zoom: Option<[f64; 2]>,
     bands: Vec<Band>,
     group: Option<String>,
+    zero: bool,
     height: u32,
     #[serde(skip)]
     pub(super) caption: String,

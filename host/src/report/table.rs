@@ -74,15 +74,16 @@ impl Table {
     pub(super) fn write(&self, h: &mut Html) {
         h.element("div", &[("class", "table")], |h| {
             h.element("table", &[], |h| {
-                if !self.caption.is_empty() {
-                    h.text_element("caption", &[], &self.caption);
-                }
                 h.element("thead", &[], |h| {
                     h.element("tr", &[], |h| self.columns.iter().for_each(|c| c.write(h)));
                 });
                 h.element("tbody", &[], |h| self.rows.iter().for_each(|r| self.write_row(h, r)));
             });
         });
+        // Outside of the box, so that it does not scroll with a wide table.
+        if !self.caption.is_empty() {
+            h.text_element("p", &[("class", "below")], &self.caption);
+        }
     }
 
     fn write_row(&self, h: &mut Html, row: &[Cell]) {

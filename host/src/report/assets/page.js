@@ -40,7 +40,7 @@
     stroke: colour("--ink-soft"), grid: { stroke: colour("--grid"), width: 1 }, ticks: { stroke: colour("--grid"), width: 1 },
   });
 
-  // Names ranges of the abscissa behind the curves, and marks what the zoom window shows.
+  // Names ranges of the abscissa behind the curves, draws the line of zero, and marks what the zoom window shows.
   const bands = (plot) => (u) => {
     const { ctx, bbox } = u;
     const px = (v) => Math.min(Math.max(u.valToPos(v, "x", true), bbox.left), bbox.left + bbox.width);
@@ -56,6 +56,12 @@
       ctx.textBaseline = "bottom";
       if (ctx.measureText(band.label).width < b - a) ctx.fillText(band.label, (a + b) / 2, bbox.top - 4 * uPlot.pxRatio);
     });
+    const { min, max } = u.scales.y;
+    if (plot.zero && min <= 0 && max >= 0) {
+      const y = u.valToPos(0, "y", true);
+      ctx.fillStyle = colour("--ink-soft");
+      ctx.fillRect(bbox.left, y - 0.5 * uPlot.pxRatio, bbox.width, uPlot.pxRatio);
+    }
     if (plot.zoom) {
       const [a, b] = plot.zoom.map(px);
       ctx.fillStyle = colour("--zoom");
