@@ -47,7 +47,6 @@ fn the_gears_are_stiff_once_the_link_encoders_are_known_to_be_late() {
             assert!((55.0..105.0).contains(&before) && (10.0..45.0).contains(&after), "{before} {after} µrad");
         }
     }
-
 }
 
 #[test]

@@ -307,7 +307,8 @@ mod tests {
         let recording = whole.part(0..8_000.min(whole.len()));
         let base = fit(&robot, &[&recording], Preset::Default, &Settings::default(), |_, _| {}).unwrap();
         let noise = base.noise.clone();
-        let (bench, trial) = Bench::new(&robot, (base.series.clone(), vec![0]), &base, noise, Settings::default()).unwrap();
+        let (bench, trial) =
+            Bench::new(&robot, (base.series.clone(), vec![0]), &base, noise, Settings::default()).unwrap();
         let law = Effect::by_id("end_stop").unwrap().laws(&robot).unwrap().swap_remove(0).sharp().unwrap();
         let with = bench.fit(&[law], &trial, 3).unwrap();
         let error = |trial: &Trial, name: &str| trial.value(name).unwrap().std_error;

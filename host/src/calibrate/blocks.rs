@@ -175,7 +175,8 @@ impl<'a> Bench<'a> {
         let shared = base.blocks.iter().fold(base.prior.clone(), |sum, block| sum + &block.information);
         let by_columns = shared.cholesky().ok_or(CalibrateError::Undetermined)?.solve(&total.coupling);
         let information = &total.information - total.coupling.transpose() * by_columns;
-        let of_law = |law: usize| columns[law].as_ref().and_then(|_| taken.iter().map(|t| t.laws[law].clone()).collect());
+        let of_law =
+            |law: usize| columns[law].as_ref().and_then(|_| taken.iter().map(|t| t.laws[law].clone()).collect());
         let laws = (0..columns.len()).map(of_law).collect();
         Ok(BlockScores { base, laws, columns, information, alone })
     }
@@ -223,7 +224,8 @@ impl<'a> Bench<'a> {
             layout.own().chain(layout.passive()).chain(layout.passive().map(|i| layout.chain() + i)).collect();
         let of_step: f64 = added.iter().map(|i| problem.process_weight[*i].ln()).sum();
         let initial = problem.assumptions.initial;
-        let of_start = -(layout.own().len() as f64 * initial.own.ln() + 2.0 * layout.passive().count() as f64 * initial.windup.ln());
+        let of_start = -(layout.own().len() as f64 * initial.own.ln()
+            + 2.0 * layout.passive().count() as f64 * initial.windup.ln());
         let starts = range.clone().filter(|k| self.series.starts_run(*k)).count() as f64;
         let steps = range.filter(|k| problem.linked(*k)).count() as f64;
         2.0 * (steps * of_step + starts * of_start)

@@ -3,8 +3,8 @@
 use super::CalibrateError;
 use super::bench::Bench;
 use super::extension::Known;
-use super::series::Series;
 use super::problem::Problem;
+use super::series::Series;
 use super::trial::{Trial, TrialValue};
 use crate::model::Model;
 use solve::levenberg;
@@ -72,7 +72,6 @@ impl Bench<'_> {
         let held = (0..coordinates.len()).filter(|own| !free[*own]);
         held.map(|own| (0..size).map(|i| f64::from(i == own)).collect()).collect()
     }
-
 }
 
 #[cfg(test)]

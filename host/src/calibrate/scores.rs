@@ -374,7 +374,8 @@ mod tests {
         let recording = whole.part(0..8_000.min(whole.len()));
         let fitted = fit(&robot, &[&recording], Preset::Default, &Settings::default(), |_, _| {}).unwrap();
         let part = fitted.series.excerpt(2_000, 4).unwrap();
-        let (bench, trial) = Bench::new(&robot, (part, vec![0]), &fitted, fitted.noise.clone(), Settings::default()).unwrap();
+        let (bench, trial) =
+            Bench::new(&robot, (part, vec![0]), &fitted, fitted.noise.clone(), Settings::default()).unwrap();
         let law = Effect::by_id("gyro_lag").unwrap().laws(&robot).unwrap().swap_remove(0);
         let (base, extended) = (Model::new(&robot), Model::extended(&robot, vec![law]).unwrap());
         let (_, point, _) = bench.at(&base, &trial.known());

@@ -32,12 +32,10 @@ pub fn axes(effect: &Effect, trial: &Trial) -> Vec<usize> {
         .filter_map(|value| Some((joint_of(&value.name)?, value)))
         .collect();
     let significance = |value: &TrialValue| value.std_error.map_or(0.0, |error| value.estimate.abs() / error);
-    let largest = |unit: &str| {
-        sizes.iter().filter(|(_, v)| v.unit == unit).map(|(_, v)| v.estimate.abs()).fold(0.0, f64::max)
-    };
-    let shows = |value: &TrialValue| {
-        significance(value) > SHOWN.0 && value.estimate.abs() > SHOWN.1 * largest(value.unit)
-    };
+    let largest =
+        |unit: &str| sizes.iter().filter(|(_, v)| v.unit == unit).map(|(_, v)| v.estimate.abs()).fold(0.0, f64::max);
+    let shows =
+        |value: &TrialValue| significance(value) > SHOWN.0 && value.estimate.abs() > SHOWN.1 * largest(value.unit);
     let mut axes: Vec<usize> = sizes.iter().filter(|(_, value)| shows(value)).map(|(joint, _)| *joint).collect();
     axes.sort_unstable();
     axes.dedup();

@@ -17,12 +17,19 @@ pub fn base_fit(calibration: &Calibration, ahead: Vec<(String, f64)>, gains: boo
     let at_noise = worst.is_some_and(|fit| fit.value <= AT_NOISE);
     let fits = at_noise || !gains;
     let far = worst.map_or_else(String::new, |worst| {
-        format!("half a second ahead it misses {} by {:.1} standard deviations of the sensor", worst.channel, worst.value)
+        format!(
+            "half a second ahead it misses {} by {:.1} standard deviations of the sensor",
+            worst.channel, worst.value
+        )
     });
     let sentence = match (at_noise, gains) {
         (true, _) => format!("The base model fits: {far}."),
-        (false, false) if far.is_empty() => "Nothing that could be tried predicts other blocks of this motion better than the base model.".to_string(),
-        (false, false) => format!("Nothing that could be tried predicts other blocks of this motion better than the base model, but {far}."),
+        (false, false) if far.is_empty() => {
+            "Nothing that could be tried predicts other blocks of this motion better than the base model.".to_string()
+        }
+        (false, false) => format!(
+            "Nothing that could be tried predicts other blocks of this motion better than the base model, but {far}."
+        ),
         (false, true) if far.is_empty() => "The base model does not fit.".to_string(),
         (false, true) => format!("The base model does not fit: {far}."),
     };

@@ -49,9 +49,10 @@ impl LawScore {
 
 /// What the blocks say of each law: none of one that no column of the motion shows, an error of one whose columns are not finite.
 pub fn score_laws(scores: &BlockScores, contiguous: &[bool], shrunk: bool) -> Vec<Result<Option<LawScore>, NotFinite>> {
+    let Some(without) = Without::of(&scores.base, contiguous) else { return vec![Ok(None); scores.laws.len()] };
     let laws = scores.laws.iter().zip(&scores.columns);
     laws.map(|(blocks, columns)| match (blocks, columns) {
-        (Some(blocks), Some(columns)) => score_law(scores, (blocks, columns.clone()), contiguous, shrunk),
+        (Some(blocks), Some(columns)) => score_law((scores, &without), (blocks, columns.clone()), contiguous, shrunk),
         _ => Ok(None),
     })
     .collect()
@@ -64,8 +65,32 @@ pub struct NotFinite {
     pub columns: usize,
 }
 
+/// The model without any of the laws.
+struct Without {
+    /// Of each block: one over its dispersion. Blocks that the model predicts badly weigh less.
+    weights: Vec<f64>,
+    /// Of each block: Σ r² by what the others, so weighted, say of the shared unknowns.
+    costs: Vec<f64>,
+}
+
+impl Without {
+    fn of(base: &BlockFit, contiguous: &[bool]) -> Option<Self> {
+        let unweighted = left_out(base, contiguous)?;
+        let dispersion = unweighted.iter().zip(&base.freedom).map(|(cost, freedom)| cost / freedom.max(1.0));
+        let weights: Vec<f64> = dispersion.map(|dispersion| dispersion.max(1.0).recip()).collect();
+        let weighted = |(block, weight): (&Quadratic, &f64)| Quadratic {
+            squares: weight * block.squares,
+            gradient: *weight * &block.gradient,
+            information: *weight * &block.information,
+        };
+        let blocks: Vec<Quadratic> = base.blocks.iter().zip(&weights).map(weighted).collect();
+        let steps = left_out_steps(&blocks, &base.prior, contiguous)?;
+        Some(Without { costs: base.blocks.iter().zip(&steps).map(|(block, step)| block.at(step)).collect(), weights })
+    }
+}
+
 fn score_law(
-    scores: &BlockScores,
+    (scores, Without { weights, costs: without }): (&BlockScores, &Without),
     (blocks, columns): (&[LawBlock], Range<usize>),
     contiguous: &[bool],
     shrunk: bool,
@@ -78,14 +103,10 @@ fn score_law(
     if finite < own {
         return Err(NotFinite { columns: own - finite });
     }
-    // Blocks that the model predicts badly weigh less: each by its own dispersion.
     let base = &scores.base;
-    let Some(without) = left_out(base, contiguous) else { return Ok(None) };
-    let weights: Vec<f64> =
-        without.iter().zip(&base.freedom).map(|(cost, freedom)| (cost / freedom.max(1.0)).max(1.0).recip()).collect();
-    let Some(whitening) = whitening(scores, (blocks, columns.clone()), &weights) else { return Ok(None) };
+    let Some(whitening) = whitening(scores, (blocks, columns.clone()), weights) else { return Ok(None) };
     let with_law = |((block, law), weight): ((&Quadratic, &LawBlock), &f64)| extended(block, law, &whitening, *weight);
-    let extended: Vec<Quadratic> = base.blocks.iter().zip(blocks).zip(&weights).map(with_law).collect();
+    let extended: Vec<Quadratic> = base.blocks.iter().zip(blocks).zip(weights).map(with_law).collect();
     let (free, seen) = (base.prior.nrows(), whitening.ncols());
     let ridges = if shrunk { &RIDGES[..] } else { &RIDGES[..1] };
     let with_ridge = |ridge: &f64| {
@@ -103,10 +124,11 @@ fn score_law(
     let Some((steps, gains)) = best else { return Ok(None) };
 
     // With the shared unknowns where the law leaves them: s_η − K_ηφ K_φφ⁻¹ s_φ of each block.
-    let shared = extended.iter().fold(base.prior.clone(), |sum, block| sum + block.information.view((0, 0), (free, free)));
-    let coupling = extended.iter().fold(DMatrix::zeros(free, seen), |sum, block| {
-        sum + block.information.view((0, free), (free, seen))
-    });
+    let shared =
+        extended.iter().fold(base.prior.clone(), |sum, block| sum + block.information.view((0, 0), (free, free)));
+    let coupling = extended
+        .iter()
+        .fold(DMatrix::zeros(free, seen), |sum, block| sum + block.information.view((0, free), (free, seen)));
     let Some(projection) = shared.cholesky().map(|factor| factor.solve(&coupling)) else { return Ok(None) };
     let mut lift = DMatrix::zeros(free + seen, seen);
     lift.view_mut((0, 0), (free, seen)).copy_from(&-&projection);
@@ -233,7 +255,9 @@ mod tests {
             let ones = DVector::from_element(40, 1.0);
             let wandering = coloured * normal();
             // A model error that follows the first column and changes its sign from block to block.
-            let r = DVector::from_fn(40, |i, _| normal() + wandering * c[(i, 0)] - (0..effect.len()).map(|j| effect[j] * c[(i, j)]).sum::<f64>());
+            let r = DVector::from_fn(40, |i, _| {
+                normal() + wandering * c[(i, 0)] - (0..effect.len()).map(|j| effect[j] * c[(i, j)]).sum::<f64>()
+            });
             base.blocks.push(Quadratic {
                 squares: r.norm_squared(),
                 gradient: DVector::from_element(1, ones.dot(&r)),

@@ -19,11 +19,7 @@ const LOADED: f64 = 1e-9;
 
 /// Where the other blocks lead, for each block: x₋b. `contiguous` tells of every block but the last whether the next one follows on it. `None` where the blocks
 /// determine nothing.
-pub fn left_out_steps(
-    blocks: &[Quadratic],
-    prior: &DMatrix<f64>,
-    contiguous: &[bool],
-) -> Option<Vec<DVector<f64>>> {
+pub fn left_out_steps(blocks: &[Quadratic], prior: &DMatrix<f64>, contiguous: &[bool]) -> Option<Vec<DVector<f64>>> {
     let whole = blocks.iter().fold(prior.clone(), |sum, block| sum + &block.information);
     let slope = blocks.iter().fold(DVector::zeros(prior.nrows()), |sum, block| sum + &block.gradient);
     let size = whole.nrows();

@@ -22,7 +22,11 @@ const FINER: [f64; 3] = [20.0, 4.0, 1.0];
 const ON_EACH_SIDE: i32 = 5;
 
 /// The same law at the times around which `current` fits worst: one for each joint's and each time.
-pub fn at_worst_times(bench: &Bench<'_>, current: &Trial, candidate: &Candidate) -> Result<Vec<Arc<dyn Law>>, CalibrateError> {
+pub fn at_worst_times(
+    bench: &Bench<'_>,
+    current: &Trial,
+    candidate: &Candidate,
+) -> Result<Vec<Arc<dyn Law>>, CalibrateError> {
     let mut firsts: Vec<&Arc<dyn Law>> = Vec::new();
     for law in &candidate.alternatives {
         let is_of_same = |other: &&Arc<dyn Law>| other.parameters().results[0].name == law.parameters().results[0].name;

@@ -48,7 +48,12 @@ impl<'a> Holdout<'a> {
     ///
     /// # Errors
     /// As a calibration's or a verification's.
-    pub fn predict(&self, bench: &Bench<'_>, trial: &Trial, effects: &[&'static Effect]) -> Result<Predicted, HoldoutError> {
+    pub fn predict(
+        &self,
+        bench: &Bench<'_>,
+        trial: &Trial,
+        effects: &[&'static Effect],
+    ) -> Result<Predicted, HoldoutError> {
         let is_own = |name: &str| {
             let of_law = effects.iter().find(|effect| is_of(effect, name));
             match of_law {
@@ -177,7 +182,13 @@ impl<'a> Holdout<'a> {
                                 unmodelled_variance(self.robot, recording.channels[*channel].spec.kind, horizon_s)
                             });
                             let unmodelled = unmodelled.sum::<f64>() / channels.len() as f64;
-                            cells.push(Cell { sensor: sensor.clone(), horizon_s, sigma, unmodelled, blocks: Vec::new() });
+                            cells.push(Cell {
+                                sensor: sensor.clone(),
+                                horizon_s,
+                                sigma,
+                                unmodelled,
+                                blocks: Vec::new(),
+                            });
                             let last = cells.len() - 1;
                             &mut cells[last]
                         }
@@ -258,7 +269,9 @@ fn unmodelled_variance(robot: &Robot, kind: ChannelKind, horizon_s: f64) -> f64 
         ChannelKind::LinkPosition { joint } => position(of(joint).link),
         ChannelKind::MotorSpeed { joint } => speed(of(joint).motor.max(of(joint).link)),
         ChannelKind::LinkSpeed { joint } => speed(of(joint).link),
-        ChannelKind::GyroAxis { body, .. } => (0..=body.min(robot.joints.len() - 1)).map(|joint| speed(of(joint).link)).sum(),
+        ChannelKind::GyroAxis { body, .. } => {
+            (0..=body.min(robot.joints.len() - 1)).map(|joint| speed(of(joint).link)).sum()
+        }
     }
 }
 

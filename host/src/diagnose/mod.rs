@@ -37,11 +37,11 @@ pub use block_scores::{LawScore, score_laws};
 pub use criteria::LEVEL;
 pub use interval::Gain;
 pub use margin::margin;
-pub use significance::p_of_family;
 pub use result::{
-    BaseFit, Candidate, ChannelFit, ChannelGain, Defect, Diagnosis, Finding, Flag, HoldoutGain, HorizonGain, NotTestable,
-    OverTime, Picture, Rejected, Rival, Unexplained, Verdict,
+    BaseFit, Candidate, ChannelFit, ChannelGain, Defect, Diagnosis, Finding, Flag, HoldoutGain, HorizonGain,
+    NotTestable, OverTime, Picture, Rejected, Rival, Unexplained, Verdict,
 };
+pub use significance::p_of_family;
 pub use stability::Stability;
 pub use stretch::Stretch;
 pub use yardstick::yardstick;
@@ -133,12 +133,14 @@ pub fn diagnose(
     step("predicting the other motion");
     let unseen = Holdout::new(robot, &unseen);
     let (judged, rejected) = report::judge(&refit, &unseen, &mut selection);
-    let (left, scale) = if selection.accepted.is_empty() { (first_curves.clone(), 1.0) } else { thinned(&selection.current.trial) };
+    let (left, scale) =
+        if selection.accepted.is_empty() { (first_curves.clone(), 1.0) } else { thinned(&selection.current.trial) };
 
     step("calibrating the extended model");
     let extended = extended(robot, &fitted, &base, (&selection, bench), settings);
     let holdout = holdout.map(|recording| recording.source.path.display().to_string());
-    let evidence = Evidence { refit: &refit, plausibility: &plausibility, selection: &selection, first_curves, left, scale };
+    let evidence =
+        Evidence { refit: &refit, plausibility: &plausibility, selection: &selection, first_curves, left, scale };
     Ok(report::report(&evidence, (judged, rejected), (&base, extended), unsuited, holdout))
 }
 

@@ -24,12 +24,12 @@ impl Plausibility {
             (squares / stages.max(1) as f64).sqrt()
         };
         let joints = 0..bench.series().joints();
-        let torque: Vec<f64> =
-            joints.clone().map(|joint| rms(&|k| bench.driving_torque(base, k, joint))).collect();
+        let torque: Vec<f64> = joints.clone().map(|joint| rms(&|k| bench.driving_torque(base, k, joint))).collect();
         let speed: Vec<f64> = joints.map(|joint| rms(&|k| base.joint(k, joint).thetad)).collect();
         let mut scales = RobotScales::of(bench.robot(), &torque, &speed);
         for (joint, scales) in scales.joints.iter_mut().enumerate() {
-            let estimate = |symbol: &str| base.value(&format!("{symbol}[{}]", joint + 1)).map(|value| value.estimate.abs());
+            let estimate =
+                |symbol: &str| base.value(&format!("{symbol}[{}]", joint + 1)).map(|value| value.estimate.abs());
             scales.friction = estimate("mu").unwrap_or(scales.friction);
             scales.stiffness = estimate("k_s").unwrap_or(scales.stiffness);
         }

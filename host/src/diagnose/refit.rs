@@ -103,7 +103,8 @@ impl Refit<'_> {
     /// The model of `current`, which has `accepted`, with one more law: searched from the law's start, and again with its corners where it has some. The one that predicts other
     /// blocks better; none where no search ends in numbers.
     pub fn with(&self, accepted: &[Named], current: &Fitted, named: &Named) -> Option<(Named, Fitted)> {
-        let smooth = self.tried(accepted, current, named, |laws| self.bench.fit_on_top(laws, &current.trial, ITERATIONS));
+        let smooth =
+            self.tried(accepted, current, named, |laws| self.bench.fit_on_top(laws, &current.trial, ITERATIONS));
         let from = smooth.as_ref().map_or(&current.trial, |(_, fitted)| &fitted.trial);
         let sharp = named.law.sharp().filter(|_| !named.law.is_event()).map(|law| Named { law, ..named.clone() });
         let sharp = sharp.and_then(|named| {

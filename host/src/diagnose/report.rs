@@ -10,8 +10,8 @@ use super::interval::Gain;
 use super::plausibility::Plausibility;
 use super::refit::{Fitted, Refit};
 use super::result::{
-    Candidate, ChannelGain, Defect, Diagnosis, Finding, Flag, HoldoutGain, NotTestable, Picture, Rejected, Rival, Unexplained,
-    Verdict,
+    Candidate, ChannelGain, Defect, Diagnosis, Finding, Flag, HoldoutGain, NotTestable, Picture, Rejected, Rival,
+    Unexplained, Verdict,
 };
 use super::selection::{Accepted, Selection, share, without};
 use super::stability::{Stability, stability};
@@ -226,8 +226,7 @@ impl Evidence<'_> {
     fn finding(&self, place: usize, judged: &Judged, extended: Option<&Fit>, excess: f64) -> Finding {
         let accepted = &self.selection.accepted[place];
         let effect = accepted.named.effect;
-        let (lost, holdout_gain) =
-            judged.of_each.get(place).cloned().unwrap_or_else(|| (accepted.gains.clone(), None));
+        let (lost, holdout_gain) = judged.of_each.get(place).cloned().unwrap_or_else(|| (accepted.gains.clone(), None));
         let cv_gain = share(&lost, excess);
         let own: f64 = lost.iter().sum();
         let in_place = self.left.iter().filter(|c| c.place.row() == effect.row && c.p_family < LEVEL);
@@ -291,9 +290,10 @@ impl Evidence<'_> {
     ) -> Vec<Flag> {
         let effect = accepted.named.effect;
         let trial = &self.selection.current.trial;
-        let has_own = accepted.named.law.parameters().results.iter().any(|result| {
-            effect.parameter(&result.name).is_some_and(|parameter| parameter.role == Role::PerRecording)
-        });
+        let has_own =
+            accepted.named.law.parameters().results.iter().any(|result| {
+                effect.parameter(&result.name).is_some_and(|parameter| parameter.role == Role::PerRecording)
+            });
         let worse = |gain: &ChannelGain| gain.horizon_s <= 0.5 && gain.ci95.is_some_and(|[_, high]| high < 0.0);
         let is_supported = holdout.is_some_and(Gain::is_supported);
         let all = [
@@ -323,10 +323,13 @@ impl Evidence<'_> {
                 crate::model::law::Form::Amplitude(c, s) | crate::model::law::Form::SignedAmplitude(c, s) => {
                     let index = result.name.split_once('[').map_or("", |(_, index)| index);
                     let phase = parameters.results.iter().find(|other| {
-                        matches!(other.form, crate::model::law::Form::Phase(..) | crate::model::law::Form::SignedPhase(..))
-                            && other.name.ends_with(index)
+                        matches!(
+                            other.form,
+                            crate::model::law::Form::Phase(..) | crate::model::law::Form::SignedPhase(..)
+                        ) && other.name.ends_with(index)
                     });
-                    let phase = phase.and_then(|phase| fitted.trial.value(&phase.name)).map_or(0.0, |phase| phase.estimate);
+                    let phase =
+                        phase.and_then(|phase| fitted.trial.value(&phase.name)).map_or(0.0, |phase| phase.estimate);
                     (direction[own.start + c], direction[own.start + s]) = (value * phase.cos(), value * phase.sin());
                 }
                 _ => {}
@@ -384,10 +387,20 @@ fn acts_like(robot: &Robot, effect: &Effect, p: &ParameterEstimate) -> String {
     let link = link.map_or("the last link", |joint| joint.name.as_str());
     let culprit = match effect.id {
         "link_inertia" => format!("masses and inertias of {link} in the robot file"),
-        "gravity_residual" | "cable_spring" | "torque_offset" => format!("mass, centre and gravity of {link} in the robot file"),
-        "viscous_friction" | "asymmetric_friction" | "stribeck" | "load_friction" | "position_friction" | "friction_drift"
-        | "link_friction" | "quadratic_drag" => format!("friction of {link} in the robot file, or its scale of torque"),
-        "encoder_eccentricity" | "encoder_lag" => format!("resolution, gear or zero of the encoder of {link} in the robot file"),
+        "gravity_residual" | "cable_spring" | "torque_offset" => {
+            format!("mass, centre and gravity of {link} in the robot file")
+        }
+        "viscous_friction"
+        | "asymmetric_friction"
+        | "stribeck"
+        | "load_friction"
+        | "position_friction"
+        | "friction_drift"
+        | "link_friction"
+        | "quadratic_drag" => format!("friction of {link} in the robot file, or its scale of torque"),
+        "encoder_eccentricity" | "encoder_lag" => {
+            format!("resolution, gear or zero of the encoder of {link} in the robot file")
+        }
         "motor_mismatch" | "cogging" | "voltage_sag" | "current_limit" => {
             format!("the motor constants, gear or unit of the input of {link} in the robot file")
         }
@@ -400,7 +413,9 @@ fn verdict(findings: &[Finding], fits: bool, misfit_is_supported: bool) -> Verdi
     match findings {
         [] if fits || !misfit_is_supported => Verdict::None,
         [] => Verdict::Unknown,
-        findings if findings.iter().all(|finding| finding.weight < WEIGHT && !finding.aliases.is_empty()) => Verdict::NotSeparable,
+        findings if findings.iter().all(|finding| finding.weight < WEIGHT && !finding.aliases.is_empty()) => {
+            Verdict::NotSeparable
+        }
         _ => Verdict::Named,
     }
 }

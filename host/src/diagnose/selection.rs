@@ -12,9 +12,7 @@ use std::sync::Arc;
 use super::axes::axes_of_step;
 use super::block_scores::{LawScore, collinearity, score_laws};
 use super::catalogue::{Candidate, Named};
-use super::criteria::{
-    BLOCKS, COLLINEAR, LEVEL, MOST_FINDINGS, PROMISING, REFITTED, RIVALS_REFITTED, SCAN_SAMPLES,
-};
+use super::criteria::{BLOCKS, COLLINEAR, LEVEL, MOST_FINDINGS, PROMISING, REFITTED, RIVALS_REFITTED, SCAN_SAMPLES};
 use super::events::{at_worst_times, p_of_event, timed};
 use super::interval::{Gain, bca, standard_error};
 use super::plausibility::Plausibility;
@@ -131,13 +129,8 @@ pub fn select(
     plausibility: &Plausibility,
     step: &dyn Fn(&str),
 ) -> Result<Selection, CalibrateError> {
-    let mut selection = Selection {
-        accepted: Vec::new(),
-        current: base.clone(),
-        base,
-        scan: Vec::new(),
-        not_finite: Vec::new(),
-    };
+    let mut selection =
+        Selection { accepted: Vec::new(), current: base.clone(), base, scan: Vec::new(), not_finite: Vec::new() };
     while selection.accepted.len() < MOST_FINDINGS {
         step("scanning the catalogue");
         let scan = scan(refit, &selection, candidates)?;
@@ -165,7 +158,8 @@ fn scan(refit: &Refit<'_>, selection: &Selection, candidates: &[Candidate]) -> R
     let mut named: Vec<Named> = Vec::new();
     for candidate in candidates.iter().filter(|candidate| !is_in(candidate.effect)) {
         let is_timed = candidate.alternatives.iter().any(|law| law.event_s().is_some());
-        let laws = if is_timed { at_worst_times(&refit.bench, current, candidate)? } else { candidate.alternatives.clone() };
+        let laws =
+            if is_timed { at_worst_times(&refit.bench, current, candidate)? } else { candidate.alternatives.clone() };
         named.extend(laws.into_iter().map(|law| Named { effect: candidate.effect, law }));
     }
     let laws: Vec<Arc<dyn Law>> = named.iter().map(|named| named.law.clone()).collect();
@@ -224,13 +218,8 @@ pub fn first_refits(
     candidates: &[Candidate],
     effect: &'static Effect,
 ) -> Result<Vec<(&'static str, usize, f64)>, CalibrateError> {
-    let selection = Selection {
-        accepted: Vec::new(),
-        current: base.clone(),
-        base,
-        scan: Vec::new(),
-        not_finite: Vec::new(),
-    };
+    let selection =
+        Selection { accepted: Vec::new(), current: base.clone(), base, scan: Vec::new(), not_finite: Vec::new() };
     let mut scan = scan(refit, &selection, candidates)?;
     // The law in question is refitted whatever the scan says of it.
     scan.scanned.sort_by_key(|s| s.named.effect.id != effect.id);
@@ -344,11 +333,7 @@ struct Chosen {
     fitted: Fitted,
 }
 
-fn choose(
-    scan: &Scan,
-    tried: Vec<Tried>,
-    plausibility: &Plausibility,
-) -> Option<(Accepted, Chosen)> {
+fn choose(scan: &Scan, tried: Vec<Tried>, plausibility: &Plausibility) -> Option<(Accepted, Chosen)> {
     let gain = |tried: &Tried| tried.gains.iter().sum::<f64>();
     let contender = |tried: &Tried| Contender {
         gains: tried.gains.clone(),
@@ -358,17 +343,21 @@ fn choose(
     let is_possible = |tried: &Tried| {
         let impossible = plausibility.impossible(tried.named.effect, &*tried.named.law, &tried.fitted.trial);
         if let Some(value) = impossible {
-            tracing::debug!(effect = tried.named.effect.id, name = value.name, value = value.estimate, "no robot has this");
+            tracing::debug!(
+                effect = tried.named.effect.id,
+                name = value.name,
+                value = value.estimate,
+                "no robot has this"
+            );
         }
         impossible.is_none()
     };
     let supported: Vec<bool> = tried.iter().map(|tried| is_supported(tried) && is_possible(tried)).collect();
-    let top = (0..tried.len()).filter(|i| supported[*i]).max_by(|a, b| gain(&tried[*a]).total_cmp(&gain(&tried[*b])))?;
+    let top =
+        (0..tried.len()).filter(|i| supported[*i]).max_by(|a, b| gain(&tried[*a]).total_cmp(&gain(&tried[*b])))?;
     // Those that may stand for it: their columns do the same to the residuals.
     let alike = |i: usize| match (&tried[top].score, &tried[i].score) {
-        (Some(of), Some(by)) => {
-            collinearity(&scan.scores, of, by).max(collinearity(&scan.scores, by, of)) > COLLINEAR
-        }
+        (Some(of), Some(by)) => collinearity(&scan.scores, of, by).max(collinearity(&scan.scores, by, of)) > COLLINEAR,
         _ => tried[i].named.effect.id == tried[top].named.effect.id,
     };
     let class: Vec<usize> = (0..tried.len()).filter(|i| *i == top || alike(*i) && gain(&tried[*i]) > 0.0).collect();
@@ -450,7 +439,13 @@ fn exchange(refit: &Refit<'_>, selection: &mut Selection, plausibility: &Plausib
         let (gain, error) = (gains.iter().sum::<f64>(), standard_error(&gains));
         let is_plausible = plausibility.of_law(other.effect, &fitted.trial)
             <= plausibility.of_law(selection.accepted[place].named.effect, &selection.current.trial).max(3.0);
-        tracing::debug!(effect = selection.accepted[place].named.effect.id, by = other.effect.id, gain, error, "exchange?");
+        tracing::debug!(
+            effect = selection.accepted[place].named.effect.id,
+            by = other.effect.id,
+            gain,
+            error,
+            "exchange?"
+        );
         if gain > error && is_plausible {
             let before = std::mem::replace(&mut selection.accepted[place].named, other);
             let old = &mut selection.accepted[place].rivals[rival];

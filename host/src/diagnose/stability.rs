@@ -22,7 +22,8 @@ pub fn stability(estimates: &[f64], information: &[f64], inflation: f64) -> Opti
         .map(|(estimate, information)| (*estimate, information / inflation.max(f64::MIN_POSITIVE)))
         .filter(|(estimate, weight)| estimate.is_finite() && *weight > 0.0)
         .collect();
-    let (sum, all) = known.iter().fold((0.0, 0.0), |(sum, all), (estimate, weight)| (sum + weight * estimate, all + weight));
+    let (sum, all) =
+        known.iter().fold((0.0, 0.0), |(sum, all), (estimate, weight)| (sum + weight * estimate, all + weight));
     let q = known.iter().map(|(estimate, weight)| weight * (estimate - sum / all).powi(2)).sum::<f64>();
     let dof = known.len().checked_sub(1).filter(|dof| *dof > 0)?;
     let p = ChiSquared::new(dof as f64).map_or(1.0, |distribution| distribution.sf(q));

@@ -196,8 +196,8 @@ pub fn outcome(case: &Case) -> Outcome {
     let without = if case.is_outsider { case.effects.clone() } else { Vec::new() };
     let how = diagnose::Options { without, settings: Settings { threads: 1, ..Settings::default() } };
     let clock = Instant::now();
-    let found =
-        diagnose(&robot, &[&simulated.recording], None, &how, &|_| {}).unwrap_or_else(|error| panic!("{case:?}: {error}"));
+    let found = diagnose(&robot, &[&simulated.recording], None, &how, &|_| {})
+        .unwrap_or_else(|error| panic!("{case:?}: {error}"));
     let seconds = clock.elapsed().as_secs_f64();
     let truth = simulated.effects.iter().flat_map(|effect| &effect.parameters);
     let truth = truth.map(|value| (value.name.clone(), value.value)).collect();

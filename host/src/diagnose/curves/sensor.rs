@@ -16,7 +16,10 @@ pub struct SensorCurve {
 
 #[derive(Debug, Clone)]
 enum Sensors {
-    Positions { side: Side, curves: Vec<Option<Curve>> },
+    Positions {
+        side: Side,
+        curves: Vec<Option<Curve>>,
+    },
     /// By (gyro, axis).
     Gyros(Vec<((usize, usize), Knots)>),
 }

@@ -65,7 +65,8 @@ impl CalibratedModel {
         let (rotations, biases) = trial.gyros();
         let integrator = extension::integrator(&trial.laws, preset);
         let gyros = robot.gyros().count();
-        let of_gyros = |name: &str| (gyros > 0 && (name.starts_with("bias") || name.starts_with("R_imu"))).then_some(0.0);
+        let of_gyros =
+            |name: &str| (gyros > 0 && (name.starts_with("bias") || name.starts_with("R_imu"))).then_some(0.0);
         let built = Self::of_model(robot.clone(), model, integrator, |name| value(name).or_else(|| of_gyros(name)))?;
         Ok(Self { rotations: rotations.to_vec(), biases: biases.to_vec(), ..built })
     }
