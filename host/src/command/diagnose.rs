@@ -146,11 +146,11 @@ fn cause(lines: &mut Vec<String>, number: usize, finding: &Finding, names: &Name
 /// What all causes bring together on the other motion.
 fn together(lines: &mut Vec<String>, diagnosis: &Diagnosis, names: &Names<'_>) {
     let Some(all) = &diagnosis.holdout_gain else { return };
-    if let Some(change) = words::error_change(all.joint.share, all.joint.ci95) {
+    if let Some(change) = words::error_change(all.share, all.ci95) {
         wrap(lines, "", &format!("together, on {}: {change}", words::other_motion(diagnosis)));
     }
     for horizon in &all.by_horizon {
-        if let Some(change) = words::error_change(horizon.gain.share, horizon.gain.ci95) {
+        if let Some(change) = words::error_change(horizon.share, horizon.ci95) {
             lines.push(format!("{INDENT}{:>6} ahead: {change}", seconds(horizon.horizon_s)));
         }
     }

@@ -81,10 +81,8 @@ impl<'a> Holdout<'a> {
         let mut horizons: Vec<f64> = base.windows.iter().map(|windows| windows.horizon_s).collect();
         horizons.sort_by(f64::total_cmp);
         horizons.dedup();
-        let of = |own_s: f64| HorizonGain {
-            horizon_s: own_s,
-            gain: joint(&self.cells(base, extended, |horizon_s| horizon_s == own_s)),
-        };
+        let of =
+            |own_s: f64| HorizonGain::of(own_s, joint(&self.cells(base, extended, |horizon_s| horizon_s == own_s)));
         horizons.into_iter().map(of).collect()
     }
 

@@ -110,8 +110,11 @@ fn evaluate(refit: &Refit<'_>, (holdout, base): (&Holdout<'_>, &Predicted), sele
     judged.of_each = losses(refit, selection).into_iter().enumerate().map(of_one).collect();
     if let Some(extended) = extended {
         judged.by_channel = holdout.by_channel(base, &extended);
+        let joint = holdout.gain(base, &extended);
         judged.all = Some(HoldoutGain {
-            joint: holdout.gain(base, &extended),
+            share: joint.share,
+            ci95: joint.ci95,
+            blocks: joint.blocks,
             by_horizon: holdout.by_horizon(base, &extended),
             over_time: holdout.over_time(base, &extended),
         });

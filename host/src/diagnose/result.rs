@@ -166,9 +166,12 @@ pub struct Rejected {
 /// The joint gain of all findings on the motion that no fit has seen.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct HoldoutGain {
-    /// Of all sensors and horizons.
-    #[serde(flatten)]
-    pub joint: Gain,
+    /// Of all sensors and horizons: the share.
+    pub share: f64,
+    /// Its 95 % interval; none of fewer blocks than an interval takes.
+    pub ci95: Option<[f64; 2]>,
+    /// How many blocks it is of.
+    pub blocks: usize,
     /// Of all sensors, by horizon.
     pub by_horizon: Vec<HorizonGain>,
     /// Errors over time, before and after, 500 ms ahead.
@@ -180,9 +183,32 @@ pub struct HoldoutGain {
 pub struct HorizonGain {
     /// How far ahead, s.
     pub horizon_s: f64,
-    /// The gain.
-    #[serde(flatten)]
-    pub gain: Gain,
+    /// The gain: its share.
+    pub share: f64,
+    /// Its 95 % interval.
+    pub ci95: Option<[f64; 2]>,
+    /// How many blocks it is of.
+    pub blocks: usize,
+}
+
+impl HoldoutGain {
+    /// The joint gain of all sensors and horizons.
+    pub fn joint(&self) -> Gain {
+        Gain { share: self.share, ci95: self.ci95, blocks: self.blocks }
+    }
+}
+
+impl HorizonGain {
+    /// The gain over one horizon.
+    pub fn of(horizon_s: f64, gain: Gain) -> Self {
+        let Gain { share, ci95, blocks } = gain;
+        HorizonGain { horizon_s, share, ci95, blocks }
+    }
+
+    /// The joint gain of all sensors.
+    pub fn gain(&self) -> Gain {
+        Gain { share: self.share, ci95: self.ci95, blocks: self.blocks }
+    }
 }
 
 /// Measured against predicted half a second ahead, of one channel on the motion that no fit has seen.

@@ -172,7 +172,7 @@ fn numbers_that_are_none_render_as_nothing() {
                 (None, None, None, None);
         }
         if let Some(all) = &mut diagnosed.holdout_gain {
-            all.joint.ci95 = None;
+            all.ci95 = None;
             all.over_time[0].extended.truncate(3);
         }
         diagnosed.curves[0].at.truncate(3);

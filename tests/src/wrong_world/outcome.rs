@@ -112,7 +112,8 @@ pub fn outcome(case: &Case) -> Outcome {
 /// The diagnosis. A panic is recorded as an error, so that the study goes on.
 fn ask(drawn: &Drawn) -> Result<Diagnosis, String> {
     let options = Options { settings: Settings { threads: 1, ..Settings::default() }, ..Options::default() };
-    let answer = catch_unwind(AssertUnwindSafe(|| diagnose(&drawn.robot, &drawn.recording, None, &options, &|_| {})));
+    let answer =
+        catch_unwind(AssertUnwindSafe(|| diagnose(&drawn.robot, &[&drawn.recording], None, &options, &|_| {})));
     match answer {
         Ok(answer) => answer.map_err(|error| error.to_string()),
         Err(panic) => {

@@ -76,8 +76,10 @@ pub(crate) fn diagnosis(number: f64, text: &str) -> Diagnosis {
         findings: vec![finding("asymmetric_friction", 0.2, &[]), finding("cogging", 0.4, &FLAGS)],
         rejected: vec![Rejected { effect: "encoder_lag".into(), axes: vec![1], why: format!("predicts worse {text}") }],
         holdout_gain: Some(HoldoutGain {
-            joint: gain(0.5 * number),
-            by_horizon: vec![HorizonGain { horizon_s: 0.5, gain: gain(-0.5 * number) }],
+            share: gain(0.5 * number).share,
+            ci95: gain(0.5 * number).ci95,
+            blocks: gain(0.5 * number).blocks,
+            by_horizon: vec![HorizonGain::of(0.5, gain(-0.5 * number))],
             over_time: vec![OverTime {
                 channel: "encoder2".into(),
                 unit: "rad".into(),

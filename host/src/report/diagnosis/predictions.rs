@@ -48,16 +48,16 @@ pub(super) fn section(diagnosis: &Diagnosis, names: &Names<'_>) -> Section {
 
 /// The joint gain of all sensors.
 fn horizons(section: &mut Section, all: &HoldoutGain) {
-    let figure = words::error_change(all.joint.share, all.joint.ci95);
-    section.figures(figure.map(|value| ("all sensors, horizons up to 500 ms", value, tone(&all.joint))));
+    let figure = words::error_change(all.share, all.ci95);
+    section.figures(figure.map(|value| ("all sensors, horizons up to 500 ms", value, tone(&all.joint()))));
     let bars: Vec<Bar> = all
         .by_horizon
         .iter()
-        .filter(|horizon| horizon.gain.share.is_finite())
+        .filter(|horizon| horizon.share.is_finite())
         .map(|horizon| {
             let bar =
-                Bar::new(format!("{} ahead", seconds(horizon.horizon_s)), horizon.gain.share).tone(tone(&horizon.gain));
-            horizon.gain.ci95.map_or(bar.clone(), |[low, high]| bar.interval(low, high))
+                Bar::new(format!("{} ahead", seconds(horizon.horizon_s)), horizon.share).tone(tone(&horizon.gain()));
+            horizon.ci95.map_or(bar.clone(), |[low, high]| bar.interval(low, high))
         })
         .collect();
     if !bars.is_empty() {
