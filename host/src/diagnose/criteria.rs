@@ -30,11 +30,11 @@ pub const LEAST_BLOCK: usize = 40;
 pub const LEVEL: f64 = 0.01;
 
 /// Laws that are refitted in each round, the best of the scan, and at most so many more that are collinear with the best or act on the same quantity.
-pub const REFITTED: usize = 3;
+pub const REFITTED: usize = 4;
 /// See [`REFITTED`].
-pub const RIVALS_REFITTED: usize = 3;
+pub const RIVALS_REFITTED: usize = 2;
 
-/// A law whose tangent gains less than this share of the best one's waits for the next round.
+/// A law whose score is less than this share of the best one's waits for the next round.
 pub const PROMISING: f64 = 0.1;
 
 /// |cos| of projected columns from which on two laws may stand for each other.

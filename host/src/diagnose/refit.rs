@@ -54,6 +54,11 @@ impl Fitted {
         self.gains((&other.left_out, &self.left_out), other)
     }
 
+    /// Σ r² that this model saves over `other` in each block out of sample: what rivals are compared by, since how well they explain the same is a matter of its size.
+    pub fn squares_saved_over(&self, other: &Fitted) -> Vec<f64> {
+        other.left_out.iter().zip(&self.left_out).map(|(before, after)| before - after).collect()
+    }
+
     /// The same with the parameters of all blocks.
     pub fn own_gains_over(&self, other: &Fitted) -> Vec<f64> {
         self.gains((&other.own, &self.own), other)

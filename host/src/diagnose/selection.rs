@@ -140,7 +140,7 @@ pub fn select(
             selection.scan.clone_from(&scan.scanned);
         }
         selection.not_finite.clone_from(&scan.not_finite);
-        let Some((chosen, rivals)) = choose(&scan, tried, plausibility) else { break };
+        let Some((chosen, rivals)) = choose(&selection.current, &scan, tried, plausibility) else { break };
         tracing::debug!(effect = chosen.named.effect.id, weight = chosen.weight, "accepted");
         selection.current = rivals.fitted;
         selection.accepted.push(chosen);
@@ -187,8 +187,8 @@ fn scan(refit: &Refit<'_>, selection: &Selection, candidates: &[Candidate]) -> R
         let p_family = p_of_family(score.p, count);
         let axes = axes_of_step(&*named.law, &score);
         let new = Scanned { named, score, p_family, axes };
-        // Events are compared by their scores: no other block knows of them.
-        let worth = |s: &Scanned| if s.named.law.event_s().is_some() { s.score.score } else { s.score.gain() };
+        // By their scores: of a law that starts far from where it ends, as a bearing does, the tangent shows that there is something, and leads astray in other blocks.
+        let worth = |s: &Scanned| s.score.score;
         match scanned.iter_mut().find(|other| other.named.effect.id == new.named.effect.id) {
             Some(other) if worth(other) >= worth(&new) => {}
             Some(other) => *other = new,
@@ -200,7 +200,7 @@ fn scan(refit: &Refit<'_>, selection: &Selection, candidates: &[Candidate]) -> R
         let elsewhere: Vec<f64> = of_same.filter(|score| *score < event.score.score).collect();
         event.p_family = p_of_event(event.score.score, event.score.freedom, &elsewhere, bench.series().stages());
     }
-    scanned.sort_by(|a, b| b.score.gain().total_cmp(&a.score.gain()));
+    scanned.sort_by(|a, b| b.score.score.total_cmp(&a.score.score));
     for s in scanned.iter().take(10) {
         let (gain, score) = (s.score.gain(), s.score.score);
         tracing::debug!(effect = s.named.effect.id, gain, score, freedom = s.score.freedom, p = s.p_family, "scan");
@@ -258,8 +258,8 @@ fn refitted(refit: &Refit<'_>, selection: &Selection, scan: &Scan, clues: &[Name
     let is_event = |s: &&Scanned| s.named.law.event_s().is_some();
     let (mut events, others): (Vec<&Scanned>, Vec<&Scanned>) = scan.scanned.iter().partition(is_event);
     events.retain(|event| event.p_family < LEVEL);
-    let most = others.iter().map(|s| s.score.gain()).fold(0.0, f64::max);
-    let promising = |s: &&Scanned| s.score.gain() > 0.0 && s.score.gain() >= PROMISING * most;
+    let most = others.iter().map(|s| s.score.score).fold(0.0, f64::max);
+    let promising = |s: &&Scanned| s.score.score >= PROMISING * most;
     let count = others.iter().copied().filter(promising).count().min(REFITTED);
     let (first, rest) = others.split_at(count);
     // What may stand for the best: what does the same to the residuals, or acts on the same quantity.
@@ -333,10 +333,10 @@ struct Chosen {
     fitted: Fitted,
 }
 
-fn choose(scan: &Scan, tried: Vec<Tried>, plausibility: &Plausibility) -> Option<(Accepted, Chosen)> {
+fn choose(current: &Fitted, scan: &Scan, tried: Vec<Tried>, plausibility: &Plausibility) -> Option<(Accepted, Chosen)> {
     let gain = |tried: &Tried| tried.gains.iter().sum::<f64>();
     let contender = |tried: &Tried| Contender {
-        gains: tried.gains.clone(),
+        gains: tried.fitted.squares_saved_over(current),
         freedom: tried.freedom,
         implausibility: plausibility.of_law(tried.named.effect, &tried.fitted.trial),
     };
