@@ -30,7 +30,7 @@ pub fn at_worst_times(
     let mut firsts: Vec<&Arc<dyn Law>> = Vec::new();
     for law in &candidate.alternatives {
         let is_of_same = |other: &&Arc<dyn Law>| other.parameters().results[0].name == law.parameters().results[0].name;
-        if !firsts.iter().any(|other| is_of_same(other)) {
+        if !firsts.iter().any(is_of_same) {
             firsts.push(law);
         }
     }

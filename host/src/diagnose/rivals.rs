@@ -88,7 +88,7 @@ mod tests {
 
     #[test]
     fn of_two_that_predict_alike_the_simpler_one_is_meant_and_then_the_plausible_one() {
-        let noise = |b: usize| if b % 2 == 0 { 3.0 } else { -2.5 };
+        let noise = |b: usize| if b.is_multiple_of(2) { 3.0 } else { -2.5 };
         let (large, simple) = (contender(6, |b| 50.0 + noise(b)), contender(2, |_| 50.0));
         assert_eq!(best(&[large.clone(), simple.clone()]), Some(1));
         let tonnes = Contender { implausibility: 6.0, ..simple.clone() };
@@ -106,7 +106,7 @@ mod tests {
 
     #[test]
     fn what_blocks_disagree_about_stays_open() {
-        let a = contender(2, |b| if b % 2 == 0 { 100.0 } else { 0.0 });
+        let a = contender(2, |b| if b.is_multiple_of(2) { 100.0 } else { 0.0 });
         let b = contender(2, |b| if b % 2 == 1 { 101.0 } else { 0.0 });
         let weights = weights(&[a, b]);
         assert!(weights.iter().all(|weight| *weight > 0.1), "{weights:?}");

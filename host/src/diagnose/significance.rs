@@ -68,7 +68,7 @@ mod tests {
         (0..2000)
             .map(|_| {
                 let mut normal = |_: usize, _: usize| -> f64 { StandardNormal.sample(&mut rng) };
-                let size = |b: usize| if unlike && b % 3 == 0 { 4.0 } else { 1.0 };
+                let size = |b: usize| if unlike && b.is_multiple_of(3) { 4.0 } else { 1.0 };
                 let total: f64 = (0..24).map(size).sum();
                 let share = |b: usize| size(b) / total;
                 let u: Vec<DVector<f64>> =

@@ -117,17 +117,20 @@ impl Curves {
     }
 }
 
+/// The curves of one place at all joints that have one, as a law.
+struct Tried {
+    place: Place,
+    law: Arc<dyn Law>,
+    curves: Vec<Option<Curve>>,
+}
+
 /// What curves show on top of `current`, best first. Of one rule for all: a curve that loses out of sample is not in the list.
 ///
 /// # Errors
 /// A trial that cannot be factorised.
 pub fn curves(bench: &Bench<'_>, current: &Trial, contiguous: &[bool]) -> Result<Vec<Curves>, CalibrateError> {
     let joints = bench.series().joints();
-    let mut tried: Vec<(Place, Arc<dyn Law>, Vec<Option<Curve>>)> = Vec::new();
-    for place in PLACES {
-        let Some((law, curves)) = smooth(place, bench, current) else { continue };
-        tried.push((place, law, curves));
-    }
+    let mut tried: Vec<Tried> = PLACES.into_iter().filter_map(|place| smooth(place, bench, current)).collect();
     let turns: Vec<[f64; 2]> = (0..joints).map(|joint| range(bench, current, joint, TURN.argument)).collect();
     for wave in 1..=WAVES {
         let curve = |joint: usize| {
@@ -137,16 +140,17 @@ pub fn curves(bench: &Bench<'_>, current: &Trial, contiguous: &[bool]) -> Result
         };
         let curves: Vec<Option<Curve>> = (0..joints).map(curve).collect();
         if curves.iter().any(Option::is_some) {
-            tried.push((TURN, Arc::new(Shapeless::new(Hook::MotorTorque, curves.clone())), curves));
+            let law = Arc::new(Shapeless::new(Hook::MotorTorque, curves.clone()));
+            tried.push(Tried { place: TURN, law, curves });
         }
     }
-    let laws: Vec<Arc<dyn Law>> = tried.iter().map(|(_, law, _)| law.clone()).collect();
+    let laws: Vec<Arc<dyn Law>> = tried.iter().map(|tried| tried.law.clone()).collect();
     let scores = score_laws(&bench.block_scores(current, &laws)?, contiguous, true);
     let count = tried.len();
     let mut found: Vec<Curves> = tried
         .into_iter()
         .zip(scores)
-        .filter_map(|((place, law, curves), score)| {
+        .filter_map(|(Tried { place, law, curves }, score)| {
             let score = score.ok()??;
             let coefficients = |joint: usize| -> Vec<f64> {
                 law.parameters().of(|of| of == Of::Joint(joint)).into_iter().map(|i| score.step[i]).collect()
@@ -186,7 +190,7 @@ fn sizes(law: &dyn Law, score: &LawScore) -> Vec<(Option<usize>, f64)> {
 }
 
 /// A smooth curve for each joint whose argument changes, as a law.
-fn smooth(place: Place, bench: &Bench<'_>, trial: &Trial) -> Option<(Arc<dyn Law>, Vec<Option<Curve>>)> {
+fn smooth(place: Place, bench: &Bench<'_>, trial: &Trial) -> Option<Tried> {
     let robot = bench.robot();
     let over = |[low, high]: [f64; 2]| (high - low > 1e-9).then(|| Knots::over([low, high], place.argument.bends()));
     let curve = |joint: usize| {
@@ -205,8 +209,8 @@ fn smooth(place: Place, bench: &Bench<'_>, trial: &Trial) -> Option<(Arc<dyn Law
             let curves: Vec<Option<Curve>> =
                 (0..joints).map(|joint| curve(joint).filter(|_| is_another(joint))).collect();
             curves.iter().any(Option::is_some).then(|| {
-                let law: Arc<dyn Law> = Arc::new(Shapeless::new(hook, curves.clone()));
-                (law, curves)
+                let law = Arc::new(Shapeless::new(hook, curves.clone()));
+                Tried { place, law, curves }
             })
         }
         Target::Position(side) => {
@@ -219,8 +223,8 @@ fn smooth(place: Place, bench: &Bench<'_>, trial: &Trial) -> Option<(Arc<dyn Law
             };
             let curves: Vec<Option<Curve>> = (0..joints).map(|joint| curve(joint).filter(|_| has(joint))).collect();
             curves.iter().any(Option::is_some).then(|| {
-                let law: Arc<dyn Law> = Arc::new(SensorCurve::of_positions(side, place.argument, curves.clone()));
-                (law, curves)
+                let law = Arc::new(SensorCurve::of_positions(side, place.argument, curves.clone()));
+                Tried { place, law, curves }
             })
         }
         Target::Gyro => {
@@ -234,7 +238,7 @@ fn smooth(place: Place, bench: &Bench<'_>, trial: &Trial) -> Option<(Arc<dyn Law
                 axes.extend(over(within(values)).map(|knots| ((gyro, axis), knots)));
             }
             let law = (!axes.is_empty()).then(|| SensorCurve::of_gyros(place.argument, axes))?;
-            Some((Arc::new(law), vec![None; joints]))
+            Some(Tried { place, law: Arc::new(law), curves: vec![None; joints] })
         }
     }
 }
