@@ -118,6 +118,9 @@ struct Tried {
     axes: Vec<usize>,
 }
 
+/// Passes of additions and of what they make superfluous.
+const PASSES: usize = 2;
+
 /// Searches from the base model. `clues` are laws started from what the recording shows of events and contacts; `step` is told what begins.
 ///
 /// # Errors
@@ -131,11 +134,31 @@ pub fn select(
 ) -> Result<Selection, CalibrateError> {
     let mut selection =
         Selection { accepted: Vec::new(), current: base.clone(), base, scan: Vec::new(), not_finite: Vec::new() };
+    for _ in 0..PASSES {
+        add(refit, &mut selection, (candidates, clues), plausibility, step)?;
+        step("looking at what stands for something else");
+        let dropped = drop_superfluous(refit, &mut selection)?;
+        let exchanged = exchange(refit, &mut selection, plausibility);
+        if !(dropped || exchanged) {
+            break;
+        }
+    }
+    Ok(selection)
+}
+
+/// Adds laws until none is supported.
+fn add(
+    refit: &Refit<'_>,
+    selection: &mut Selection,
+    (candidates, clues): (&[Candidate], &[Named]),
+    plausibility: &Plausibility,
+    step: &dyn Fn(&str),
+) -> Result<(), CalibrateError> {
     while selection.accepted.len() < MOST_FINDINGS {
         step("scanning the catalogue");
-        let scan = scan(refit, &selection, candidates)?;
+        let scan = scan(refit, selection, candidates)?;
         step("refitting the best");
-        let tried = refitted(refit, &selection, &scan, clues);
+        let tried = refitted(refit, selection, &scan, clues);
         if selection.accepted.is_empty() {
             selection.scan.clone_from(&scan.scanned);
         }
@@ -144,11 +167,8 @@ pub fn select(
         tracing::debug!(effect = chosen.named.effect.id, weight = chosen.weight, "accepted");
         selection.current = rivals.fitted;
         selection.accepted.push(chosen);
-        step("looking at what it stands for");
-        drop_superfluous(refit, &mut selection)?;
-        exchange(refit, &mut selection, plausibility);
     }
-    Ok(selection)
+    Ok(())
 }
 
 fn scan(refit: &Refit<'_>, selection: &Selection, candidates: &[Candidate]) -> Result<Scan, CalibrateError> {
@@ -405,8 +425,8 @@ pub fn without(refit: &Refit<'_>, selection: &Selection, place: usize) -> Result
 }
 
 /// What came in first may have stood for what came in last: dropped where the others predict as well without it.
-fn drop_superfluous(refit: &Refit<'_>, selection: &mut Selection) -> Result<(), CalibrateError> {
-    let mut place = 0;
+fn drop_superfluous(refit: &Refit<'_>, selection: &mut Selection) -> Result<bool, CalibrateError> {
+    let (mut place, before) = (0, selection.accepted.len());
     while selection.accepted.len() > 1 && place + 1 < selection.accepted.len() {
         let (fitted, lost) = without(refit, selection, place)?;
         let gain = share(&lost, 1.0);
@@ -419,13 +439,14 @@ fn drop_superfluous(refit: &Refit<'_>, selection: &mut Selection) -> Result<(), 
             selection.current = fitted;
         }
     }
-    Ok(())
+    Ok(selection.accepted.len() < before)
 }
 
 /// Beside another cause, what predicted best alone may be predicted better by a rival.
-fn exchange(refit: &Refit<'_>, selection: &mut Selection, plausibility: &Plausibility) {
+fn exchange(refit: &Refit<'_>, selection: &mut Selection, plausibility: &Plausibility) -> bool {
+    let mut exchanged = false;
     if selection.accepted.len() < 2 {
-        return;
+        return exchanged;
     }
     for place in 0..selection.accepted.len() - 1 {
         let is_in = |named: &Named| selection.accepted.iter().any(|other| other.named.effect.id == named.effect.id);
@@ -451,6 +472,8 @@ fn exchange(refit: &Refit<'_>, selection: &mut Selection, plausibility: &Plausib
             let old = &mut selection.accepted[place].rivals[rival];
             (old.named, old.gain) = (before, old.gain - gain);
             selection.current = fitted;
+            exchanged = true;
         }
     }
+    exchanged
 }
