@@ -45,8 +45,8 @@ impl Recorded {
         let page = std::fs::read_to_string(&page).unwrap();
         let diag = json(&diag);
         assert!(
-            page.contains(&diag["summary"].as_str().unwrap().replace('\'', "&#39;")),
-            "the page leads with the verdict"
+            page.contains(&diag["base_fit"]["sentence"].as_str().unwrap().replace('\'', "&#39;")),
+            "the page leads with whether the model fits"
         );
         (output.status.code().unwrap(), diag, said)
     }

@@ -134,7 +134,7 @@ impl<'a> Bench<'a> {
         self.search(laws, &from.known(), Effort { iterations, hopeless })
     }
 
-    /// Fits the base model with `laws` from the values of one trial, which may be another bench's, and the states of a trial on this one.
+    /// Fits the base model with `laws` from the values of one trial, and the states of another, both on this bench. Gives up as [`Self::fit_on_top`] does.
     ///
     /// # Errors
     /// A model that cannot be built or solved.
@@ -147,7 +147,7 @@ impl<'a> Bench<'a> {
         self.search(
             laws,
             &Known { states: &states.states, layout: &states.layout, ..values.known() },
-            Effort::of(iterations),
+            Effort { iterations, hopeless: Some(Hopeless { after: HOPELESS, above: values.cost }) },
         )
     }
 

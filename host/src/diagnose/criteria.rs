@@ -29,6 +29,9 @@ pub const LEAST_BLOCK: usize = 40;
 /// Share of recordings without an effect in which any law of the catalogue may pass the scan's test.
 pub const LEVEL: f64 = 0.01;
 
+/// Share of white noise in which any law would be refitted at all.
+pub const SIEVE: f64 = 0.05;
+
 /// Laws that are refitted in each round, the best of the scan, and at most so many more that are collinear with the best or act on the same quantity.
 pub const REFITTED: usize = 4;
 /// See [`REFITTED`].

@@ -12,13 +12,15 @@ use std::sync::Arc;
 use super::axes::axes_of_step;
 use super::block_scores::{LawScore, collinearity, score_laws};
 use super::catalogue::{Candidate, Named};
-use super::criteria::{BLOCKS, COLLINEAR, LEVEL, MOST_FINDINGS, PROMISING, REFITTED, RIVALS_REFITTED, SCAN_SAMPLES};
+use super::criteria::{
+    BLOCKS, COLLINEAR, LEVEL, MOST_FINDINGS, PROMISING, REFITTED, RIVALS_REFITTED, SCAN_SAMPLES, SIEVE,
+};
 use super::events::{at_worst_times, p_of_event, timed};
 use super::interval::{Gain, bca, standard_error};
 use super::plausibility::Plausibility;
 use super::refit::{Fitted, Refit};
 use super::rivals::{Contender, best, weights};
-use super::significance::{p_of_both, p_of_family, p_of_mean};
+use super::significance::{p_of_both, p_of_family, p_of_mean, p_of_score};
 use crate::calibrate::{BlockScores, CalibrateError};
 use crate::effect::Effect;
 use crate::model::law::Law;
@@ -279,7 +281,9 @@ fn refitted(refit: &Refit<'_>, selection: &Selection, scan: &Scan, clues: &[Name
     let (mut events, others): (Vec<&Scanned>, Vec<&Scanned>) = scan.scanned.iter().partition(is_event);
     events.retain(|event| event.p_family < LEVEL);
     let most = others.iter().map(|s| s.score.score).fold(0.0, f64::max);
-    let promising = |s: &&Scanned| s.score.score >= PROMISING * most;
+    // What no more than white noise would show is not refitted. A first sieve: coloured noise passes it.
+    let shows = |s: &&Scanned| p_of_family(p_of_score(s.score.score, s.score.freedom), scan.count) < SIEVE;
+    let promising = |s: &&Scanned| s.score.score >= PROMISING * most && shows(s);
     let count = others.iter().copied().filter(promising).count().min(REFITTED);
     let (first, rest) = others.split_at(count);
     // What may stand for the best: what does the same to the residuals, or acts on the same quantity.
@@ -289,7 +293,8 @@ fn refitted(refit: &Refit<'_>, selection: &Selection, scan: &Scan, clues: &[Name
             shares_a_hook || collinearity(&scan.scores, &best.score, &s.score) > COLLINEAR
         })
     };
-    let wanted = first.iter().chain(rest.iter().filter(is_rival).take(RIVALS_REFITTED));
+    let shows_too = |s: &&&Scanned| shows(s);
+    let wanted = first.iter().chain(rest.iter().filter(shows_too).filter(is_rival).take(RIVALS_REFITTED));
     for s in wanted.copied().chain(events) {
         let timed_law = if s.named.law.event_s().is_some() {
             timed((&refit.bench, &current.trial), s.named.clone())

@@ -8,7 +8,7 @@
 //! where h_b is the share of the information that block b has (Satterthwaite 1946; Rotnitzky and Jewell 1990). The size of the assumed noise cancels.
 
 use nalgebra::{DMatrix, DVector};
-use statrs::distribution::{ContinuousCDF, FisherSnedecor, StudentsT};
+use statrs::distribution::{ChiSquared, ContinuousCDF, FisherSnedecor, StudentsT};
 
 /// Share of worlds without the law in which its blocks would agree as much. `scores` are u_b, `residuals` e_b, `shares` h_b.
 pub fn p_of_blocks(scores: &[DVector<f64>], residuals: &[DVector<f64>], shares: &[f64]) -> f64 {
@@ -29,6 +29,14 @@ pub fn p_of_ratio(ratio: f64, freedom: f64, independent: f64) -> f64 {
     match FisherSnedecor::new(freedom.max(1.0), independent) {
         Ok(distribution) => distribution.sf(ratio).clamp(0.0, 1.0),
         Err(_) => 1.0,
+    }
+}
+
+/// Share of white noise that gives a score at least this large with so many free parameters (χ²).
+pub fn p_of_score(score: f64, freedom: usize) -> f64 {
+    match ChiSquared::new(freedom.max(1) as f64) {
+        Ok(distribution) if score > 0.0 => distribution.sf(score),
+        _ => 1.0,
     }
 }
 
