@@ -13,8 +13,9 @@ use super::axes::axes_of_step;
 use super::block_scores::{LawScore, collinearity, score_laws};
 use super::catalogue::{Candidate, Named};
 use super::criteria::{
-    BLOCKS, COLLINEAR, LEVEL, MOST_FINDINGS, PROMISING, REFITTED, RIVALS_REFITTED, SCAN_SAMPLES, SIEVE,
+    BLOCKS, COLLINEAR, COVERED, LEVEL, MOST_FINDINGS, PROMISING, REFITTED, RIVALS_REFITTED, SCAN_SAMPLES, SIEVE,
 };
+use super::curves::curves;
 use super::events::{at_worst_times, p_of_event, timed};
 use super::interval::{Gain, bca, standard_error};
 use super::plausibility::Plausibility;
@@ -166,11 +167,26 @@ fn add(
         }
         selection.not_finite.clone_from(&scan.not_finite);
         let Some((chosen, rivals)) = choose(&selection.current, &scan, tried, plausibility) else { break };
+        if !covers(refit, selection, &chosen) {
+            break;
+        }
         tracing::debug!(effect = chosen.named.effect.id, weight = chosen.weight, "accepted");
         selection.current = rivals.fitted;
         selection.accepted.push(chosen);
     }
     Ok(())
+}
+
+/// Whether a law gains enough of what the best curve on its row does: what predicts better than nothing, and far worse than a curve, is the shadow of something else.
+fn covers(refit: &Refit<'_>, selection: &Selection, chosen: &Accepted) -> bool {
+    let (bench, trial) = refit.bench.thinned(&selection.current.trial, refit.samples(SCAN_SAMPLES) / BLOCKS);
+    let Ok(curves) = curves(&bench, &trial, &bench.is_contiguous()) else { return true };
+    let more = refit.bench.series().stages() as f64 / bench.series().stages().max(1) as f64;
+    let on_row = curves.iter().filter(|curve| curve.place.row() == chosen.named.effect.row && curve.p_family < LEVEL);
+    let best = on_row.map(|curve| more * curve.gain()).fold(0.0, f64::max);
+    let own: f64 = chosen.gains.iter().sum();
+    tracing::debug!(effect = chosen.named.effect.id, own, best_curve = best, "covered?");
+    own >= COVERED * best
 }
 
 fn scan(refit: &Refit<'_>, selection: &Selection, candidates: &[Candidate]) -> Result<Scan, CalibrateError> {
