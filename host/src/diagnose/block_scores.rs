@@ -25,9 +25,9 @@ pub struct LawScore {
     pub score: f64,
     /// Directions that the motion shows.
     pub freedom: usize,
-    /// What it gains in each block by what the others say of it, see [`log_gain`].
+    /// What it gains in each block by what the others say of it, see `log_gain` in `cross_validation`.
     pub gains: Vec<f64>,
-    /// By the scatter of scores and of gains between blocks, see [`p_of_blocks`] and [`p_of_mean`].
+    /// By the scatter of scores and of gains between blocks, see `significance`.
     pub p: f64,
     /// The largest variance inflation of its columns by the shared unknowns.
     pub vif: f64,
