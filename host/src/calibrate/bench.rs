@@ -27,9 +27,9 @@ const FAR: f64 = 2.0;
 const EASY_ITERATIONS: usize = 8;
 const EASY: f64 = 1e-4;
 /// A search that still falls when its iterations are used up goes on, so many times as far.
-const WHILE_FALLING: usize = 2;
+const WHILE_FALLING: usize = 1;
 /// Iterations after which more laws explain more, or are about to, or never do.
-const HOPELESS: usize = 12;
+const HOPELESS: usize = 8;
 
 /// How long a search goes on.
 #[derive(Debug, Clone, Copy)]
