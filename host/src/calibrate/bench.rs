@@ -21,7 +21,7 @@ use crate::robot::{InputUnit, Robot, Symbol};
 use solve::border::Border;
 use solve::levenberg::{self, Hopeless, Settings};
 
-/// A start whose squares are this many times as many as rows is far off.
+/// A start whose squares are this many times as many as rows, and as where the search before it ended, is far off.
 const FAR: f64 = 2.0;
 /// Iterations under the base model's own noise, from a start that is far off, and the relative change of the cost that ends them.
 const EASY_ITERATIONS: usize = 8;
@@ -37,11 +37,23 @@ struct Effort {
     /// Iterations, if the cost has stopped falling fast by then.
     iterations: usize,
     hopeless: Option<Hopeless>,
+    /// ½ Σ r² where the search ended that this one starts from; nothing of other samples.
+    before: f64,
 }
 
 impl Effort {
     fn of(iterations: usize) -> Self {
-        Effort { iterations, hopeless: None }
+        Effort { iterations, hopeless: None, before: 0.0 }
+    }
+
+    /// From the end of a trial on the same samples.
+    fn after(trial: &Trial, iterations: usize) -> Self {
+        Effort { before: trial.cost, ..Self::of(iterations) }
+    }
+
+    /// The same that gives up where laws lead to more than they started from.
+    fn or_hopeless(self) -> Self {
+        Effort { hopeless: Some(Hopeless { after: HOPELESS, above: self.before }), ..self }
     }
 }
 
@@ -122,7 +134,7 @@ impl<'a> Bench<'a> {
     /// # Errors
     /// A model that cannot be built or solved.
     pub fn fit(&self, laws: &[Arc<dyn Law>], from: &Trial, iterations: usize) -> Result<Trial, CalibrateError> {
-        self.search(laws, &from.known(), Effort::of(iterations))
+        self.search(laws, &from.known(), Effort::after(from, iterations))
     }
 
     /// [`Self::fit`] of laws on top of those of `from`, a trial on this bench. Gives up where they lead to more than they started from, and do not fall fast.
@@ -130,8 +142,7 @@ impl<'a> Bench<'a> {
     /// # Errors
     /// A model that cannot be built or solved.
     pub fn fit_on_top(&self, laws: &[Arc<dyn Law>], from: &Trial, iterations: usize) -> Result<Trial, CalibrateError> {
-        let hopeless = Some(Hopeless { after: HOPELESS, above: from.cost });
-        self.search(laws, &from.known(), Effort { iterations, hopeless })
+        self.search(laws, &from.known(), Effort::after(from, iterations).or_hopeless())
     }
 
     /// Fits the base model with `laws` from the values of one trial, and the states of another, both on this bench. Gives up as [`Self::fit_on_top`] does.
@@ -146,8 +157,8 @@ impl<'a> Bench<'a> {
     ) -> Result<Trial, CalibrateError> {
         self.search(
             laws,
-            &Known { states: &states.states, layout: &states.layout, ..values.known() },
-            Effort { iterations, hopeless: Some(Hopeless { after: HOPELESS, above: values.cost }) },
+            &Known { states: &states.states, layout: &states.layout, laws: &states.laws, ..values.known() },
+            Effort::after(values, iterations).or_hopeless(),
         )
     }
 
@@ -210,10 +221,18 @@ impl<'a> Bench<'a> {
 
     /// A nearer start: where the rows are far from small, a search under the tight weights of the bench creeps along the narrow valley that the
     /// states leave it. Under the noise that the base model takes its errors for the valley is wide, and its floor is near.
-    pub(super) fn eased<'m>(&self, problem: &mut Problem<'m>, start: Point<'m>, held: &[Vec<f64>]) -> Point<'m> {
+    ///
+    /// `before` is the cost where the search before this one ended: a start that is no worse is near, however large it is.
+    pub(super) fn eased<'m>(
+        &self,
+        problem: &mut Problem<'m>,
+        start: Point<'m>,
+        held: &[Vec<f64>],
+        before: f64,
+    ) -> Point<'m> {
         let rows = self.series.stages() * self.series.channels.len();
         let cost = levenberg::total_cost(problem, &start, self.settings.threads);
-        if cost < 0.5 * FAR * rows as f64 {
+        if cost < FAR * before.max(0.5 * rows as f64) {
             return start;
         }
         self.weigh(problem, &self.easy);
@@ -222,11 +241,16 @@ impl<'a> Bench<'a> {
         let eased = levenberg::minimise(problem, start.clone(), held, &settings, |_, _| {});
         self.weigh(problem, &self.noise);
         match eased {
-            Ok(eased) if eased.cost.is_finite() => {
+            Ok(eased) => {
                 problem.shift_readings(&eased.point.z);
-                eased.point
+                // NaN is no better.
+                if levenberg::total_cost(problem, &eased.point, self.settings.threads) < cost {
+                    return eased.point;
+                }
+                problem.shift_readings(&start.z);
+                start
             }
-            _ => start,
+            Err(_) => start,
         }
     }
 
@@ -235,12 +259,12 @@ impl<'a> Bench<'a> {
         &self,
         laws: &[Arc<dyn Law>],
         from: &Known<'_>,
-        Effort { iterations, hopeless }: Effort,
+        Effort { iterations, hopeless, before }: Effort,
     ) -> Result<Trial, CalibrateError> {
         let model = Model::extended(self.robot, laws.to_vec())?;
         let (mut problem, start, held) = self.at(&model, from);
         let start = equilibrium::settled(&problem, start, &self.settings);
-        let start = self.eased(&mut problem, start, &held);
+        let start = self.eased(&mut problem, start, &held, before);
         let most_while_falling = WHILE_FALLING * iterations;
         let settings = Settings { max_iterations: iterations, most_while_falling, hopeless, ..self.settings.clone() };
         let solution = levenberg::minimise(&problem, start, &held, &settings, |i, iteration| {

@@ -7,7 +7,7 @@ use nalgebra::{Matrix3, Vector3};
 use super::point::Point;
 use super::start::{self, Shared};
 use super::trimmed::Trimmed;
-use super::{Assumptions, CalibrateError, Fit, Noise, Preset, Problem, Series, observability};
+use super::{Assumptions, CalibrateError, Fit, Noise, Preset, Problem, Series, observability, own_states};
 use crate::effect::{CATALOGUE, Effect, EffectError};
 use crate::model::law::{Form, Law};
 use crate::model::{Integrator, Layout, Model};
@@ -139,6 +139,8 @@ pub(super) struct Known<'a> {
     pub states: &'a [f64],
     /// What their components are.
     pub layout: &'a Layout,
+    /// The laws whose own states are among them; none where they are not told.
+    pub laws: &'a [Arc<dyn Law>],
 }
 
 /// What a fit knows.
@@ -163,11 +165,12 @@ pub(super) fn known(fit: &Fit) -> Known<'_> {
         biases: recordings.map(|recording| (0..gyros).map(|gyro| bias(recording, gyro)).collect()).collect(),
         states: &fit.states,
         layout: &fit.layout,
+        laws: &[],
     }
 }
 
 /// Where the search of an extended model starts: shared unknowns of the same name keep their values, states are those that are known where
-/// they suit better than a fresh guess.
+/// they suit better than a fresh guess. States that laws bring and that nothing is known of are those to which the others lead.
 pub(super) fn warm_start<'m>(
     problem: &Problem<'m>,
     robot: &Robot,
@@ -176,24 +179,50 @@ pub(super) fn warm_start<'m>(
     settings: &Settings,
 ) -> Point<'m> {
     let model = problem.model;
-    let fresh = start::with_states(model, series, shared(model, robot, series, from));
-    let (layout, base) = (model.layout(), from.layout);
-    let same_chain = layout.chain() == base.chain() && layout.q(0) == base.q(0);
-    if from.states.len() != series.stages() * base.size() || !same_chain {
+    let mut fresh = start::with_states(model, series, shared(model, robot, series, from));
+    let layout = model.layout();
+    own_states::follow(problem, &mut fresh, &layout.own().collect::<Vec<_>>());
+    if from.states.len() != series.stages() * from.layout.size() {
         return fresh;
     }
-    // The leading components are the same; states of laws' own only where there are as many.
-    let leading = layout.own().start;
-    let same = if layout.own() == base.own() { layout.size() } else { leading };
-    if base.own().start != leading {
-        return fresh;
-    }
+    let known = known_components(model, from);
     let mut kept = fresh.clone();
-    for (to, from) in kept.states.chunks_exact_mut(layout.size()).zip(from.states.chunks_exact(base.size())) {
-        to[..same].copy_from_slice(&from[..same]);
+    for (to, states) in kept.states.chunks_exact_mut(layout.size()).zip(from.states.chunks_exact(from.layout.size())) {
+        for (component, of_known) in &known {
+            to[*component] = states[*of_known];
+        }
     }
+    let unknown: Vec<usize> = layout.own().filter(|own| known.iter().all(|(component, _)| component != own)).collect();
+    own_states::follow(problem, &mut kept, &unknown);
     let better = total_cost(problem, &kept, settings.threads) <= total_cost(problem, &fresh, settings.threads);
     if better { kept } else { fresh }
+}
+
+/// Components of a model's state that mean the same among those that are known, each with its place there.
+fn known_components(model: &Model, from: &Known<'_>) -> Vec<(usize, usize)> {
+    let (to, known) = (model.layout(), from.layout);
+    let mut components = Vec::new();
+    for joint in 0..to.joints().min(known.joints()) {
+        for of in [Layout::q, Layout::qd, Layout::theta, Layout::thetad] {
+            components.push((of(to, joint), of(known, joint)));
+        }
+    }
+    // Passive joints are told apart by nothing but their number.
+    if to.passive().eq(known.passive()) {
+        let passive = to.passive().flat_map(|i| [(i, i), (to.chain() + i, known.chain() + i)]);
+        components.extend(passive);
+    }
+    let is_same = |law: &Arc<dyn Law>, other: &Arc<dyn Law>| Arc::ptr_eq(law, other);
+    let mut own = known.own();
+    for law in from.laws {
+        let count = model.own_states_of(&**law);
+        let there: Vec<usize> = own.by_ref().take(count).collect();
+        if let Some(place) = model.laws().iter().position(|other| is_same(other, law)) {
+            let before: usize = model.laws()[..place].iter().map(|other| model.own_states_of(&**other)).sum();
+            components.extend(to.own().skip(before).zip(there));
+        }
+    }
+    components
 }
 
 /// The shared unknowns of another model: what it did not have starts where the model says.

@@ -180,7 +180,7 @@ impl Extended<'_> {
         let trimmed;
         let (laws, known) = match self.tried {
             Some((trial, _)) => {
-                (trial.laws.clone(), Known { states: &from.states, layout: &from.layout, ..trial.known() })
+                (trial.laws.clone(), Known { states: &from.states, layout: &from.layout, laws: &[], ..trial.known() })
             }
             None => {
                 let laws;

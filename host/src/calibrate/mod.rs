@@ -23,6 +23,7 @@ mod noise_free;
 mod observability;
 mod others;
 mod outliers;
+mod own_states;
 mod point;
 mod prefit;
 mod preset;

@@ -73,6 +73,7 @@ impl Trial {
             biases: self.biases.clone(),
             states: &self.states,
             layout: &self.layout,
+            laws: &self.laws,
         }
     }
 }

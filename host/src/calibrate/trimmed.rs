@@ -113,6 +113,7 @@ impl Trimmed {
             biases: self.biases.clone(),
             states: &self.states,
             layout: &self.layout,
+            laws: &[],
         }
     }
 }

@@ -22,6 +22,8 @@ pub(super) struct Laws {
     pub(super) passive: Vec<(usize, usize, usize)>,
     pub(super) lags: Vec<Lag>,
     input_delay: Option<usize>,
+    /// Of the robot.
+    gyros: usize,
     /// How far a step of each own state may be wrong over 1 ms.
     own_sigma: Vec<f64>,
     /// Which law changes the supply, and its coordinate.
@@ -103,7 +105,7 @@ impl Laws {
             (place, first + joint.stiffness, first + joint.damping)
         });
         let passive = joints.collect();
-        Laws { list, passive, own_sigma, ..laws }
+        Laws { list, passive, own_sigma, gyros: robot.gyros().count(), ..laws }
     }
 
     pub(super) fn list(&self) -> &[Arc<dyn Law>] {
@@ -112,6 +114,13 @@ impl Laws {
 
     pub(super) fn is_empty(&self) -> bool {
         self.list.is_empty()
+    }
+
+    /// How many own states a law brings at joints and gyros. The states of laws follow one another as the laws do.
+    pub(super) fn own_states_of(&self, law: &dyn Law) -> usize {
+        let at_joints = (0..self.joints.len()).filter(|joint| !law.hooks().is_empty() && law.has_state(*joint)).count();
+        let at_gyros = (0..self.gyros).filter(|gyro| law.gyro_lag(*gyro).is_some()).count();
+        at_joints + 3 * at_gyros
     }
 
     pub(super) fn own_sigma(&self) -> &[f64] {

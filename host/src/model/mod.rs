@@ -164,6 +164,11 @@ impl Model {
         self.laws.lagging(gyro)
     }
 
+    /// How many own states a law brings.
+    pub fn own_states_of(&self, law: &dyn Law) -> usize {
+        self.laws.own_states_of(law)
+    }
+
     /// Standard deviation of what a step of each of the laws' own states may be wrong by, over 1 ms.
     pub fn own_sigma(&self) -> &[f64] {
         self.laws.own_sigma()

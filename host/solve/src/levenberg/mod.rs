@@ -35,6 +35,8 @@ const STATES_OWN: f64 = 0.9;
 const MOST_CREEPING_STEPS: usize = 4;
 /// See there.
 const CREEPING: f64 = 10.0;
+/// So many steps in a row that each change less than what is asked, whatever they promise, lead nowhere.
+const MOST_IDLE_STEPS: usize = 4;
 
 /// What a step may promise for its factor to serve the next one too, for residuals in units of their noise: less than that, and all unknowns
 /// together move by less than one standard deviation. By how much the matrix changes over so little no estimate and no interval shows.
@@ -118,7 +120,7 @@ pub fn minimise<P: LeastSquares>(
     let mut factor_is_final = false;
 
     let mut still_falls = false;
-    let mut creeping_steps = 0;
+    let (mut creeping_steps, mut idle_steps) = (0, 0);
     // What the last step promised, if its factor serves the next one too.
     let mut near: Option<f64> = None;
 
@@ -270,6 +272,11 @@ pub fn minimise<P: LeastSquares>(
         creeping_steps = if creeps { creeping_steps + 1 } else { 0 };
         if creeping_steps == MOST_CREEPING_STEPS {
             status = Status::Almost;
+            break;
+        }
+        idle_steps = if change < settings.relative_cost_change { idle_steps + 1 } else { 0 };
+        if idle_steps == MOST_IDLE_STEPS {
+            status = Status::NoProgress;
             break;
         }
         state_damping *= if still_falls { 0.01 } else { accepted.less_state_damping() };

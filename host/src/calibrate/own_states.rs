@@ -1,0 +1,44 @@
+//! Own states of laws, such as the current of a winding or the bending of bristles, where nothing but the motion is known: the model's own steps along the
+//! motion lead to them.
+//!
+//! ```text
+//!   own[k+1] = φ(x[k])        from what they come to where the first sample of a run goes on
+//! ```
+//! A search that starts with all of them at zero has steps that are wrong by thousands of sigmas, and gets lost.
+
+use super::point::Point;
+use super::problem::Problem;
+use solve::LeastSquares;
+
+/// Steps at the first sample of a run. A lag of five samples forgets where it began.
+const OPENING_STEPS: usize = 25;
+
+/// Gives these components of all states the values to which the model's steps lead; all others stay.
+pub(super) fn follow(problem: &Problem<'_>, point: &mut Point<'_>, components: &[usize]) {
+    if components.is_empty() {
+        return;
+    }
+    let size = problem.model.layout().size();
+    let mut scratch = problem.scratch();
+    let mut set = |point: &mut Point<'_>, from: usize, to: usize| {
+        // A step that ends in no number leaves what was there.
+        let next: Vec<f64> = problem.next(point, from, &mut scratch).to_vec();
+        for component in components {
+            if next[*component].is_finite() {
+                point.states[to * size + component] = next[*component];
+            }
+        }
+    };
+    for run in problem.series.segments.clone() {
+        for _ in 0..OPENING_STEPS {
+            if problem.linked(run.start) {
+                set(point, run.start, run.start);
+            }
+        }
+        for k in run.start..run.end.saturating_sub(1) {
+            if problem.linked(k) {
+                set(point, k, k + 1);
+            }
+        }
+    }
+}
