@@ -21,7 +21,7 @@ use crate::robot::{InputUnit, Robot, Symbol};
 use solve::border::Border;
 use solve::levenberg::{self, Hopeless, Settings};
 
-/// A start whose squares are this many times as many as rows, and as where the search before it ended, is far off.
+/// A point whose squares are this many times as many as rows is far off.
 const FAR: f64 = 2.0;
 /// Iterations under the base model's own noise, from a start that is far off, and the relative change of the cost that ends them.
 const EASY_ITERATIONS: usize = 8;
@@ -31,29 +31,25 @@ const WHILE_FALLING: usize = 1;
 /// Iterations after which more laws explain more, or are about to, or never do.
 const HOPELESS: usize = 8;
 
+/// Steps of the states alone in a search, after steps that lead to more than they started from.
+const INNER_ITERATIONS: usize = 12;
+
 /// How long a search goes on.
 #[derive(Debug, Clone, Copy)]
 struct Effort {
     /// Iterations, if the cost has stopped falling fast by then.
     iterations: usize,
     hopeless: Option<Hopeless>,
-    /// ½ Σ r² where the search ended that this one starts from; nothing of other samples.
-    before: f64,
 }
 
 impl Effort {
     fn of(iterations: usize) -> Self {
-        Effort { iterations, hopeless: None, before: 0.0 }
-    }
-
-    /// From the end of a trial on the same samples.
-    fn after(trial: &Trial, iterations: usize) -> Self {
-        Effort { before: trial.cost, ..Self::of(iterations) }
+        Effort { iterations, hopeless: None }
     }
 
     /// The same that gives up where laws lead to more than they started from.
-    fn or_hopeless(self) -> Self {
-        Effort { hopeless: Some(Hopeless { after: HOPELESS, above: self.before }), ..self }
+    fn unless_above(self, cost: f64) -> Self {
+        Effort { hopeless: Some(Hopeless { after: HOPELESS, above: cost }), ..self }
     }
 }
 
@@ -134,7 +130,7 @@ impl<'a> Bench<'a> {
     /// # Errors
     /// A model that cannot be built or solved.
     pub fn fit(&self, laws: &[Arc<dyn Law>], from: &Trial, iterations: usize) -> Result<Trial, CalibrateError> {
-        self.search(laws, &from.known(), Effort::after(from, iterations))
+        self.search(laws, &from.known(), Effort::of(iterations))
     }
 
     /// [`Self::fit`] of laws on top of those of `from`, a trial on this bench. Gives up where they lead to more than they started from, and do not fall fast.
@@ -142,7 +138,7 @@ impl<'a> Bench<'a> {
     /// # Errors
     /// A model that cannot be built or solved.
     pub fn fit_on_top(&self, laws: &[Arc<dyn Law>], from: &Trial, iterations: usize) -> Result<Trial, CalibrateError> {
-        self.search(laws, &from.known(), Effort::after(from, iterations).or_hopeless())
+        self.search(laws, &from.known(), Effort::of(iterations).unless_above(from.cost))
     }
 
     /// Fits the base model with `laws` from the values of one trial, and the states of another, both on this bench. Gives up as [`Self::fit_on_top`] does.
@@ -158,7 +154,7 @@ impl<'a> Bench<'a> {
         self.search(
             laws,
             &Known { states: &states.states, layout: &states.layout, laws: &states.laws, ..values.known() },
-            Effort::after(values, iterations).or_hopeless(),
+            Effort::of(iterations).unless_above(values.cost),
         )
     }
 
@@ -220,38 +216,35 @@ impl<'a> Bench<'a> {
     }
 
     /// A nearer start: where the rows are far from small, a search under the tight weights of the bench creeps along the narrow valley that the
-    /// states leave it. Under the noise that the base model takes its errors for the valley is wide, and its floor is near.
-    ///
-    /// `before` is the cost where the search before this one ended: a start that is no worse is near, however large it is.
-    pub(super) fn eased<'m>(
-        &self,
-        problem: &mut Problem<'m>,
-        start: Point<'m>,
-        held: &[Vec<f64>],
-        before: f64,
-    ) -> Point<'m> {
-        let rows = self.series.stages() * self.series.channels.len();
-        let cost = levenberg::total_cost(problem, &start, self.settings.threads);
-        if cost < FAR * before.max(0.5 * rows as f64) {
+    /// states leave it. Under the noise that the base model takes its errors for the valley is wide, and its floor is near. States that suit the tight weights follow.
+    pub(super) fn eased<'m>(&self, problem: &mut Problem<'m>, start: Point<'m>, held: &[Vec<f64>]) -> Point<'m> {
+        if !self.is_far(levenberg::total_cost(problem, &start, self.settings.threads)) {
             return start;
         }
         self.weigh(problem, &self.easy);
-        let settings =
-            Settings { max_iterations: EASY_ITERATIONS, relative_cost_change: EASY, ..self.settings.clone() };
-        let eased = levenberg::minimise(problem, start.clone(), held, &settings, |_, _| {});
+        let settings = Settings {
+            max_iterations: EASY_ITERATIONS,
+            most_while_falling: 3 * EASY_ITERATIONS,
+            relative_cost_change: EASY,
+            ..self.settings.clone()
+        };
+        let eased = levenberg::minimise(problem, start.clone(), held, &settings, |i, iteration| {
+            tracing::trace!(i, cost = iteration.cost, trials = iteration.trials, "eased");
+        });
         self.weigh(problem, &self.noise);
         match eased {
-            Ok(eased) => {
+            Ok(eased) if eased.cost.is_finite() => {
                 problem.shift_readings(&eased.point.z);
-                // NaN is no better.
-                if levenberg::total_cost(problem, &eased.point, self.settings.threads) < cost {
-                    return eased.point;
-                }
-                problem.shift_readings(&start.z);
-                start
+                equilibrium::states_alone(problem, eased.point, &self.settings)
             }
-            Err(_) => start,
+            _ => start,
         }
+    }
+
+    /// Whether rows are wrong by more than their noise.
+    fn is_far(&self, cost: f64) -> bool {
+        let rows = self.series.stages() * self.series.channels.len();
+        cost >= 0.5 * FAR * rows as f64
     }
 
     /// A search from what is known.
@@ -259,17 +252,34 @@ impl<'a> Bench<'a> {
         &self,
         laws: &[Arc<dyn Law>],
         from: &Known<'_>,
-        Effort { iterations, hopeless, before }: Effort,
+        Effort { iterations, hopeless }: Effort,
     ) -> Result<Trial, CalibrateError> {
         let model = Model::extended(self.robot, laws.to_vec())?;
         let (mut problem, start, held) = self.at(&model, from);
-        let start = equilibrium::settled(&problem, start, &self.settings);
-        let start = self.eased(&mut problem, start, &held, before);
+        let mut start = equilibrium::settled(&problem, start, &self.settings);
+        let is_fresh = from.states.is_empty();
+        if is_fresh {
+            start = self.eased(&mut problem, start, &held);
+        }
         let most_while_falling = WHILE_FALLING * iterations;
-        let settings = Settings { max_iterations: iterations, most_while_falling, hopeless, ..self.settings.clone() };
-        let solution = levenberg::minimise(&problem, start, &held, &settings, |i, iteration| {
-            tracing::trace!(i, cost = iteration.cost, damping = iteration.damping, trials = iteration.trials, "bench");
-        })?;
+        let settings = Settings {
+            max_iterations: iterations,
+            most_while_falling,
+            hopeless,
+            inner_iterations: INNER_ITERATIONS,
+            ..self.settings.clone()
+        };
+        let mut solution = levenberg::minimise(&problem, start.clone(), &held, &settings, Self::progress)?;
+        let has_ended = matches!(solution.status, levenberg::Status::Converged | levenberg::Status::Almost);
+        if !(is_fresh || has_ended) && self.is_far(solution.cost) {
+            let eased = self.eased(&mut problem, start, &held);
+            let other = levenberg::minimise(&problem, eased, &held, &settings, Self::progress);
+            if let Ok(other) = other
+                && other.cost < solution.cost
+            {
+                solution = other;
+            }
+        }
         let mut border = Border::new(&solution.information, &solution.gradient, &held);
         // A stop that is never met shows nothing of itself, and should not hide what the others show.
         border.hold_undetermined();
@@ -284,6 +294,10 @@ impl<'a> Bench<'a> {
             states: point.states,
             layout: model.layout().clone(),
         })
+    }
+
+    fn progress(i: usize, iteration: &levenberg::Iteration) {
+        tracing::trace!(i, cost = iteration.cost, damping = iteration.damping, trials = iteration.trials, "bench");
     }
 
     /// The problem of `model`, where its search starts, and what is held.

@@ -24,6 +24,11 @@ pub(super) fn settled<'m>(problem: &Problem<'m>, start: Point<'m>, settings: &Se
     if !has_passive || total_cost(problem, &start, settings.threads) < 0.5 * FAR * rows as f64 {
         return start;
     }
+    states_alone(problem, start, settings)
+}
+
+/// `start` with the states that suit its shared unknowns, after a few steps.
+pub(super) fn states_alone<'m>(problem: &Problem<'m>, start: Point<'m>, settings: &Settings) -> Point<'m> {
     let shared = problem.shape().border;
     let unit = |held: usize| (0..shared).map(|i| f64::from(u8::from(i == held))).collect();
     let held: Vec<Vec<f64>> = (0..shared).map(unit).collect();

@@ -181,7 +181,7 @@ pub(super) fn warm_start<'m>(
     let model = problem.model;
     let mut fresh = start::with_states(model, series, shared(model, robot, series, from));
     let layout = model.layout();
-    own_states::follow(problem, &mut fresh, &layout.own().collect::<Vec<_>>());
+    own_states::follow(problem, &mut fresh, &layout.own().collect::<Vec<_>>(), settings.threads);
     if from.states.len() != series.stages() * from.layout.size() {
         return fresh;
     }
@@ -193,7 +193,7 @@ pub(super) fn warm_start<'m>(
         }
     }
     let unknown: Vec<usize> = layout.own().filter(|own| known.iter().all(|(component, _)| component != own)).collect();
-    own_states::follow(problem, &mut kept, &unknown);
+    own_states::follow(problem, &mut kept, &unknown, settings.threads);
     let better = total_cost(problem, &kept, settings.threads) <= total_cost(problem, &fresh, settings.threads);
     if better { kept } else { fresh }
 }

@@ -36,7 +36,7 @@ impl Bench<'_> {
         let model = Model::extended(self.robot, trial.laws.clone())?;
         let (mut problem, start, mut held) = self.at(&model, &Known { states: &[], ..trial.known() });
         held.extend(self.held_but(&model, &problem, is_own));
-        let start = self.eased(&mut problem, start, &held, 0.0);
+        let start = self.eased(&mut problem, start, &held);
         let point = levenberg::minimise(&problem, start, &held, &self.settings, |_, _| {})?.point;
         let coordinates = model.coordinates();
         let values = coordinates.names().zip(coordinates.to_physical(&point.z)).map(|((name, _), estimate)| {

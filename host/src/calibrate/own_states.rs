@@ -9,15 +9,26 @@
 use super::point::Point;
 use super::problem::Problem;
 use solve::LeastSquares;
+use solve::levenberg::total_cost;
 
 /// Steps at the first sample of a run. A lag of five samples forgets where it began.
 const OPENING_STEPS: usize = 25;
 
-/// Gives these components of all states the values to which the model's steps lead; all others stay.
-pub(super) fn follow(problem: &Problem<'_>, point: &mut Point<'_>, components: &[usize]) {
+/// Gives these components of all states the values to which the model's steps lead, if that is a better start than none; all others stay.
+pub(super) fn follow(problem: &Problem<'_>, point: &mut Point<'_>, components: &[usize], threads: usize) {
     if components.is_empty() {
         return;
     }
+    let (before, states) = (total_cost(problem, point, threads), point.states.clone());
+    lead(problem, point, components);
+    let after = total_cost(problem, point, threads);
+    // Steps that a law is too stiff for lead far away, or to no number.
+    if after.is_nan() || after > before {
+        point.states = states;
+    }
+}
+
+fn lead(problem: &Problem<'_>, point: &mut Point<'_>, components: &[usize]) {
     let size = problem.model.layout().size();
     let mut scratch = problem.scratch();
     let mut set = |point: &mut Point<'_>, from: usize, to: usize| {

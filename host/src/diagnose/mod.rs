@@ -60,8 +60,8 @@ use crate::recording::Recording;
 use crate::robot::Robot;
 use solve::levenberg::Settings;
 
-/// Trials end at this relative change of the cost: a thousandth of what tells two laws apart. Wrong models crawl on for long.
-const ENOUGH: f64 = 1e-6;
+/// Trials end at this relative change of the cost: half a unit of the likelihood where the model fits. Wrong models crawl on for long.
+const ENOUGH: f64 = 1e-5;
 /// And after so many iterations.
 const MOST_ITERATIONS: usize = 25;
 

@@ -115,8 +115,8 @@ impl Refit<'_> {
         let sharp = sharp.and_then(|named| {
             self.tried(accepted, current, &named, |laws| self.bench.fit_from(laws, (from, from), ITERATIONS))
         });
-        let cost = |(_, fitted): &(Named, Fitted)| fitted.left_out.iter().sum::<f64>();
-        smooth.into_iter().chain(sharp).min_by(|a, b| cost(a).total_cmp(&cost(b)))
+        let gain = |(_, fitted): &(Named, Fitted)| fitted.gains_over(current).iter().sum::<f64>();
+        smooth.into_iter().chain(sharp).max_by(|a, b| gain(a).total_cmp(&gain(b)))
     }
 
     /// The same of an event, from what the greater part of the recording shows.
@@ -151,7 +151,9 @@ impl Refit<'_> {
         if let Ok(first) = &fitted
             && sum(first.gains_over(current)) > sum(first.own_gains_over(current)).max(0.0)
         {
-            fitted = self.bench.fit(&with, &first.trial, ITERATIONS).and_then(measured);
+            let again = self.bench.fit(&with, &first.trial, ITERATIONS).and_then(measured);
+            let gain = |fitted: &Fitted| sum(fitted.gains_over(current));
+            fitted = again.map(|again| if gain(&again) > gain(first) { again } else { first.clone() });
         }
         let fitted = fitted.map(|fitted| fitted.no_better_than_own(current));
         match fitted {

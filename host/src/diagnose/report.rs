@@ -13,7 +13,7 @@ use super::result::{
     Candidate, ChannelGain, Defect, Diagnosis, Finding, Flag, HoldoutGain, NotTestable, Picture, Rejected, Rival,
     Unexplained, Verdict,
 };
-use super::selection::{Accepted, Selection, share, without};
+use super::selection::{Accepted, Selection, losses, share};
 use super::stability::{Stability, stability};
 use crate::calibrate::{Fit, ParameterEstimate};
 use crate::effect::{Effect, Role};
@@ -21,6 +21,8 @@ use crate::robot::{JointKind, Robot, Symbol};
 
 /// The first shape is final where less than this share of its part is left.
 const FINAL_SHARE: f64 = 0.05;
+/// A prediction whose error grows by more than that, as a share, has run away.
+const TENFOLD: f64 = 10.0;
 /// Blocks do not agree on a size where constants would differ as much in less than this share of worlds.
 const CONSTANT: f64 = 1e-3;
 
@@ -47,6 +49,8 @@ pub struct Judged {
     pub all: Option<HoldoutGain>,
     /// Of each finding: blocks' loss without it, and the joint gain of the other motion.
     pub of_each: Vec<(Vec<f64>, Option<Gain>)>,
+    /// Of each finding: whether the other motion can be predicted without it.
+    pub predicted: Vec<bool>,
     /// By horizon and sensor, of all findings together.
     pub by_channel: Vec<ChannelGain>,
     /// Of the base model, half a second ahead, in standard deviations of the sensors.
@@ -54,7 +58,8 @@ pub struct Judged {
 }
 
 /// Asks the other motion, after the selection: of all findings, and of each by leaving it out. What harms its prediction for sure is no cause and leaves the selection, the most harmful
-/// one first, since beside it others may look harmful too. Nothing else is decided by it.
+/// one first, since beside it others may look harmful too; the best of its rivals that other blocks support takes its place, and is judged in its turn. Nothing else is
+/// decided by it.
 pub fn judge(refit: &Refit<'_>, holdout: &Holdout<'_>, selection: &mut Selection) -> (Judged, Vec<Rejected>) {
     let mut rejected = Vec::new();
     let base = match holdout.predict(&refit.bench, &selection.base.trial, &[]) {
@@ -66,28 +71,31 @@ pub fn judge(refit: &Refit<'_>, holdout: &Holdout<'_>, selection: &mut Selection
         }
     };
     loop {
-        let judged = evaluate(refit, (holdout, &base), selection);
+        let (judged, mut without) = evaluate(refit, (holdout, &base), selection);
         let gain = |place: &usize| judged.of_each[*place].1.as_ref().map_or(0.0, |gain| gain.share);
         let is_harmful = |place: &usize| judged.of_each[*place].1.as_ref().is_some_and(Gain::is_harmful);
         let worst = (0..judged.of_each.len()).filter(is_harmful).min_by(|a, b| gain(a).total_cmp(&gain(b)));
-        let Some(worst) = worst else { return (judged, rejected) };
-        let accepted = selection.accepted.remove(worst);
-        let axes = axes(accepted.named.effect, &selection.current.trial);
+        // With which the other motion cannot be predicted at all, and without which it can.
+        let unfit = || (0..judged.of_each.len()).rev().find(|place| judged.all.is_none() && judged.predicted[*place]);
+        let Some(worst) = worst.or_else(unfit) else { return (judged, rejected) };
+        let axes = axes(selection.accepted[worst].named.effect, &selection.current.trial);
+        let others = if selection.accepted.len() > 1 { without.swap_remove(worst) } else { selection.base.clone() };
+        let accepted = selection.remove(worst, others);
         rejected.push(reject(&accepted, &axes, judged.of_each[worst].1.as_ref()));
-        let others: Vec<_> = selection.accepted.iter().map(|accepted| &accepted.named).collect();
-        selection.current = match refit.of(&others, &selection.current) {
-            Ok(fitted) if !others.is_empty() => fitted,
-            _ => selection.base.clone(),
-        };
+        selection.replace_by_rival(refit, &accepted, |rival| rejected.iter().any(|other| other.effect == rival.id));
     }
 }
 
 /// What the other motion says of a selection.
-fn evaluate(refit: &Refit<'_>, (holdout, base): (&Holdout<'_>, &Predicted), selection: &Selection) -> Judged {
+fn evaluate(
+    refit: &Refit<'_>,
+    (holdout, base): (&Holdout<'_>, &Predicted),
+    selection: &mut Selection,
+) -> (Judged, Vec<Fitted>) {
     let mut judged = Judged { ahead_sigma: holdout.ahead_sigma(base), ..Judged::default() };
     let effects: Vec<&'static Effect> = selection.accepted.iter().map(|accepted| accepted.named.effect).collect();
     if effects.is_empty() {
-        return judged;
+        return (judged, Vec::new());
     }
     let predict = |fitted: &Fitted, effects: &[&'static Effect]| {
         holdout
@@ -96,7 +104,10 @@ fn evaluate(refit: &Refit<'_>, (holdout, base): (&Holdout<'_>, &Predicted), sele
             .ok()
     };
     let extended = predict(&selection.current, &effects);
-    let of_one = |(place, (without, lost)): (usize, (Fitted, Vec<f64>))| {
+    let can_predict =
+        |fitted: &Fitted, effects: &[&'static Effect]| effects.is_empty() || predict(fitted, effects).is_some();
+    let mut models = Vec::new();
+    for (place, (without, lost)) in losses(refit, selection).into_iter().enumerate() {
         let mut others = effects.clone();
         others.remove(place);
         let gain = extended.as_ref().and_then(|extended| {
@@ -105,9 +116,10 @@ fn evaluate(refit: &Refit<'_>, (holdout, base): (&Holdout<'_>, &Predicted), sele
             }
             Some(holdout.gain(&predict(&without, &others)?, extended))
         });
-        (lost, gain)
-    };
-    judged.of_each = losses(refit, selection).into_iter().enumerate().map(of_one).collect();
+        judged.predicted.push(gain.is_some() || can_predict(&without, &others));
+        judged.of_each.push((lost, gain));
+        models.push(without);
+    }
     if let Some(extended) = extended {
         judged.by_channel = holdout.by_channel(base, &extended);
         let joint = holdout.gain(base, &extended);
@@ -119,26 +131,17 @@ fn evaluate(refit: &Refit<'_>, (holdout, base): (&Holdout<'_>, &Predicted), sele
             over_time: holdout.over_time(base, &extended),
         });
     }
-    judged
-}
-
-fn losses(refit: &Refit<'_>, selection: &Selection) -> Vec<(Fitted, Vec<f64>)> {
-    let of = |place: usize| {
-        without(refit, selection, place).unwrap_or_else(|error| {
-            tracing::debug!(%error, "the model without a finding cannot be fitted");
-            (selection.base.clone(), selection.accepted[place].gains.clone())
-        })
-    };
-    (0..selection.accepted.len()).map(of).collect()
+    (judged, models)
 }
 
 fn reject(accepted: &Accepted, axes: &[usize], gain: Option<&Gain>) -> Rejected {
     let percent = |share: f64| format!("{:+.0} %", 100.0 * share);
     let why = match gain.and_then(|gain| gain.ci95.map(|ci95| (gain.share, ci95))) {
+        Some((_, [_, high])) if high < -TENFOLD => "makes the prediction of the other motion run away".to_string(),
         Some((gain, [low, high])) => {
             format!("predicts the other motion worse: {} [{}, {}]", percent(gain), percent(low), percent(high))
         }
-        None => "predicts the other motion worse".to_string(),
+        None => "with it the other motion cannot be predicted".to_string(),
     };
     Rejected { effect: accepted.named.effect.id.to_string(), axes: axes.to_vec(), why }
 }
@@ -220,8 +223,7 @@ impl Evidence<'_> {
         let explained = if selection.accepted.is_empty() {
             0.0
         } else {
-            let base = self.refit.of(&[], &selection.current);
-            base.map_or(0.0, |base| selection.current.gains_over(&base).iter().sum::<f64>())
+            selection.current.gains_over(&selection.base).iter().sum::<f64>()
         };
         (explained + left).max(f64::MIN_POSITIVE)
     }

@@ -69,6 +69,16 @@ pub struct Accepted {
     pub is_event: bool,
 }
 
+impl Accepted {
+    fn add_rival(&mut self, other: &Accepted) {
+        if self.rivals.iter().all(|rival| rival.named.effect.id != other.named.effect.id) {
+            let axes = axes_of_step_free(&*other.named.law);
+            let gain = other.gains.iter().sum();
+            self.rivals.push(Rival { named: other.named.clone(), gain, weight: 0.0, axes });
+        }
+    }
+}
+
 /// What a selection came to.
 #[derive(Debug, Clone)]
 pub struct Selection {
@@ -82,6 +92,60 @@ pub struct Selection {
     pub scan: Vec<Scanned>,
     /// Effects whose columns are not numbers.
     pub not_finite: Vec<(&'static str, usize)>,
+    /// The model before the last cause came in.
+    before_last: Option<Fitted>,
+    /// The model without each cause, and what each block loses, where that is known of what is accepted now.
+    losses: Option<Vec<Loss>>,
+}
+
+/// The model without a cause, and what each block loses without it.
+pub type Loss = (Fitted, Vec<f64>);
+
+impl Selection {
+    /// Nothing is accepted yet.
+    fn of(base: Fitted) -> Self {
+        Selection {
+            accepted: Vec::new(),
+            current: base.clone(),
+            base,
+            scan: Vec::new(),
+            not_finite: Vec::new(),
+            before_last: None,
+            losses: None,
+        }
+    }
+
+    /// Another model takes the place of the current one.
+    fn replace(&mut self, current: Fitted) -> Fitted {
+        self.losses = None;
+        self.before_last = None;
+        std::mem::replace(&mut self.current, current)
+    }
+
+    /// Puts the best rival of a cause that was taken out in its place, if other blocks support it there.
+    pub fn replace_by_rival(&mut self, refit: &Refit<'_>, of: &Accepted, is_out: impl Fn(&Effect) -> bool) {
+        let accepted: Vec<Named> = self.accepted.iter().map(|accepted| accepted.named.clone()).collect();
+        let is_in = |effect: &Effect| accepted.iter().any(|other| other.effect.id == effect.id);
+        let rival = of.rivals.iter().find(|rival| !is_in(rival.named.effect) && !is_out(rival.named.effect));
+        let Some(rival) = rival else { return };
+        let Some((named, fitted)) = refit.with(&accepted, &self.current, &rival.named) else { return };
+        let gains = fitted.gains_over(&self.current);
+        if !share(&gains, 1.0).is_supported() {
+            return;
+        }
+        tracing::debug!(effect = named.effect.id, of = of.named.effect.id, "a rival in its place");
+        let p_family = of.p_family.max(p_of_mean(&gains));
+        let before = self.replace(fitted);
+        self.before_last = Some(before);
+        let rivals = of.rivals.iter().filter(|other| other.named.effect.id != named.effect.id).cloned().collect();
+        self.accepted.push(Accepted { named, gains, p_family, weight: 1.0, rivals, is_event: false });
+    }
+
+    /// Takes a cause out, whose model without it is known.
+    pub fn remove(&mut self, place: usize, without: Fitted) -> Accepted {
+        self.replace(without);
+        self.accepted.remove(place)
+    }
 }
 
 /// The sum of what blocks gain, as a share.
@@ -135,8 +199,7 @@ pub fn select(
     plausibility: &Plausibility,
     step: &dyn Fn(&str),
 ) -> Result<Selection, CalibrateError> {
-    let mut selection =
-        Selection { accepted: Vec::new(), current: base.clone(), base, scan: Vec::new(), not_finite: Vec::new() };
+    let mut selection = Selection::of(base);
     for _ in 0..PASSES {
         add(refit, &mut selection, (candidates, clues), plausibility, step)?;
         step("looking at what stands for something else");
@@ -171,7 +234,8 @@ fn add(
             break;
         }
         tracing::debug!(effect = chosen.named.effect.id, weight = chosen.weight, "accepted");
-        selection.current = rivals.fitted;
+        let before = selection.replace(rivals.fitted);
+        selection.before_last = Some(before);
         selection.accepted.push(chosen);
     }
     Ok(())
@@ -256,8 +320,7 @@ pub fn first_refits(
     candidates: &[Candidate],
     effect: &'static Effect,
 ) -> Result<Vec<(&'static str, usize, f64)>, CalibrateError> {
-    let selection =
-        Selection { accepted: Vec::new(), current: base.clone(), base, scan: Vec::new(), not_finite: Vec::new() };
+    let selection = Selection::of(base);
     let mut scan = scan(refit, &selection, candidates)?;
     // The law in question is refitted whatever the scan says of it.
     scan.scanned.sort_by_key(|s| s.named.effect.id != effect.id);
@@ -433,10 +496,16 @@ fn choose(current: &Fitted, scan: &Scan, tried: Vec<Tried>, plausibility: &Plaus
 ///
 /// # Errors
 /// As a calibration's.
-pub fn without(refit: &Refit<'_>, selection: &Selection, place: usize) -> Result<(Fitted, Vec<f64>), CalibrateError> {
-    let others = selection.accepted.iter().enumerate().filter(|(other, _)| *other != place);
-    let others: Vec<&Named> = others.map(|(_, accepted)| &accepted.named).collect();
-    let fitted = refit.of(&others, &selection.current)?;
+fn without(refit: &Refit<'_>, selection: &Selection, place: usize) -> Result<Loss, CalibrateError> {
+    let is_last = place + 1 == selection.accepted.len();
+    let fitted = match &selection.before_last {
+        Some(before) if is_last => before.clone(),
+        _ => {
+            let others = selection.accepted.iter().enumerate().filter(|(other, _)| *other != place);
+            let others: Vec<&Named> = others.map(|(_, accepted)| &accepted.named).collect();
+            refit.of(&others, &selection.current)?
+        }
+    };
     let lost = if selection.accepted[place].is_event {
         selection.current.own_gains_over(&fitted)
     } else {
@@ -445,21 +514,43 @@ pub fn without(refit: &Refit<'_>, selection: &Selection, place: usize) -> Result
     Ok((fitted, lost))
 }
 
+/// The model without each cause, and what each block loses. Where a model cannot be fitted it is the base model, and the loss what the cause gained when it came in.
+pub fn losses(refit: &Refit<'_>, selection: &mut Selection) -> Vec<Loss> {
+    if let Some(losses) = selection.losses.take() {
+        return losses;
+    }
+    let of = |place: usize| {
+        without(refit, selection, place).unwrap_or_else(|error| {
+            tracing::debug!(%error, "the model without a finding cannot be fitted");
+            (selection.base.clone(), selection.accepted[place].gains.clone())
+        })
+    };
+    (0..selection.accepted.len()).map(of).collect()
+}
+
 /// What came in first may have stood for what came in last: dropped where the others predict as well without it.
 fn drop_superfluous(refit: &Refit<'_>, selection: &mut Selection) -> Result<bool, CalibrateError> {
-    let (mut place, before) = (0, selection.accepted.len());
-    while selection.accepted.len() > 1 && place + 1 < selection.accepted.len() {
+    let before = selection.accepted.len();
+    let mut losses: Vec<Loss> = Vec::new();
+    while losses.len() < selection.accepted.len() {
+        let place = losses.len();
+        let is_last = place + 1 == selection.accepted.len();
         let (fitted, lost) = without(refit, selection, place)?;
         let gain = share(&lost, 1.0);
-        let is_needed = gain.is_supported() || selection.accepted[place].is_event && gain.share > 0.0;
+        let is_needed = is_last || gain.is_supported() || selection.accepted[place].is_event && gain.share > 0.0;
         tracing::debug!(effect = selection.accepted[place].named.effect.id, lost = gain.share, ci95 = ?gain.ci95, "drop?");
         if is_needed {
-            place += 1;
+            losses.push((fitted, lost));
         } else {
-            selection.accepted.remove(place);
-            selection.current = fitted;
+            let dropped = selection.remove(place, fitted);
+            // What came in after it explains the same: should that not last, it has its turn again.
+            for later in &mut selection.accepted[place..] {
+                later.add_rival(&dropped);
+            }
+            losses.clear();
         }
     }
+    selection.losses = Some(losses);
     Ok(selection.accepted.len() < before)
 }
 
@@ -492,7 +583,7 @@ fn exchange(refit: &Refit<'_>, selection: &mut Selection, plausibility: &Plausib
             let before = std::mem::replace(&mut selection.accepted[place].named, other);
             let old = &mut selection.accepted[place].rivals[rival];
             (old.named, old.gain) = (before, old.gain - gain);
-            selection.current = fitted;
+            selection.replace(fitted);
             exchanged = true;
         }
     }

@@ -8,7 +8,7 @@
 
 use rand::{Rng, RngExt};
 
-use super::surrogate::{At, Hook, Law, Laws, Of, Parameters, Quantity, acts_on_joints, each};
+use super::surrogate::{At, FASTEST_STEPS, Hook, Law, Laws, Of, Parameters, Quantity, acts_on_joints, each};
 use super::{Effect, EffectError, EffectParameter, Hidden, Line, Moment, Physics, Row, Scale, Size, draw};
 use crate::robot::{Robot, Symbol};
 
@@ -126,7 +126,8 @@ fn laws(robot: &Robot) -> Laws {
         for &joint in &joints {
             parameters.positive("tau", "s", Of::Joint(joint), start_s);
         }
-        parameters.within("tau", [1e-3, 0.5]);
+        // An explicit step does not carry what relaxes much faster.
+        parameters.within("tau", [(FASTEST_STEPS * robot.sample_period_s).max(1e-3), 0.5]);
         let sigma = |joint| SIGMA_RAD * draw::nominal(robot, Symbol::KS, joint);
         let sigma = (0..robot.joints.len()).map(sigma).collect();
         HysteresisLaw { parameters, joints: joints.clone(), sigma }

@@ -6,7 +6,7 @@
 
 use rand::Rng;
 
-use super::surrogate::{At, Hook, Law, Laws, Of, Parameters, Quantity, acts_on_joints, each};
+use super::surrogate::{At, FASTEST_STEPS, Hook, Law, Laws, Of, Parameters, Quantity, acts_on_joints, each};
 use super::{Effect, EffectError, EffectParameter, Hidden, Line, Moment, Physics, Row, Scale, Size, draw};
 use crate::robot::Robot;
 
@@ -104,7 +104,7 @@ fn laws(robot: &Robot) -> Laws {
     let with = |start_s: f64| {
         let mut parameters = Parameters::on(EFFECT.id, robot);
         parameters.positive("T", "s", Of::All, start_s);
-        parameters.within("T", [0.0, 0.02]);
+        parameters.within("T", [FASTEST_STEPS * robot.sample_period_s, 0.02]);
         let sigma = |joint| SIGMA * draw::torque_scale(robot, joint).max(1.0);
         LagLaw { parameters, sigma: (0..robot.joints.len()).map(sigma).collect() }
     };

@@ -32,9 +32,58 @@ pub(super) struct WeightedLinks<'m> {
 #[derive(Debug, Clone)]
 struct Term<'m> {
     chain: &'m Chain,
+    /// M and c + g, where they are the same everywhere.
+    constant: Option<Constant>,
     weight: f64,
     /// (coordinate, ∂weight).
     slopes: Vec<(usize, f64)>,
+}
+
+/// What a chain is at every position and speed.
+#[derive(Debug, Clone)]
+struct Constant {
+    mass: Vec<f64>,
+    bias: Vec<f64>,
+}
+
+impl Constant {
+    fn of(chain: &Chain) -> Option<Self> {
+        let m = chain.joints();
+        chain.is_constant().then(|| {
+            let (mut mass, mut bias) = (vec![0.0; m * m], vec![0.0; m]);
+            chain.mass_matrix(&vec![0.0; m], &mut mass);
+            chain.bias_torque(&vec![0.0; m], &vec![0.0; m], &mut bias);
+            Constant { mass, bias }
+        })
+    }
+}
+
+impl Term<'_> {
+    fn mass_matrix(&self, q: &[f64], out: &mut [f64]) {
+        match &self.constant {
+            Some(constant) => out.copy_from_slice(&constant.mass),
+            None => self.chain.mass_matrix(q, out),
+        }
+    }
+
+    fn bias_torque(&self, q: &[f64], qd: &[f64], out: &mut [f64]) {
+        match &self.constant {
+            Some(constant) => out.copy_from_slice(&constant.bias),
+            None => self.chain.bias_torque(q, qd, out),
+        }
+    }
+
+    /// M a + c + g and its derivatives by q and q̇ at constant accelerations a.
+    fn derivatives(&self, [q, qd, a]: [&[f64]; 3], torque: &mut [f64], by_q: &mut [f64], by_qd: &mut [f64]) {
+        let Some(Constant { mass, bias }) = &self.constant else {
+            return self.chain.link_torque_derivatives(q, qd, a, torque, by_q, by_qd);
+        };
+        by_q.fill(0.0);
+        by_qd.fill(0.0);
+        for ((torque, row), bias) in torque.iter_mut().zip(mass.chunks_exact(a.len())).zip(bias) {
+            *torque = bias + row.iter().zip(a).map(|(mass, a)| mass * a).sum::<f64>();
+        }
+    }
 }
 
 impl Links {
@@ -84,7 +133,8 @@ impl Links {
                     Factor::Without(i) => (i, -others),
                 }
             });
-            Term { chain, weight: factors.iter().map(value).product(), slopes: slopes.collect() }
+            let weight = factors.iter().map(value).product();
+            Term { chain, constant: Constant::of(chain), weight, slopes: slopes.collect() }
         });
         WeightedLinks { terms: terms.collect() }
     }
@@ -103,12 +153,12 @@ impl WeightedLinks<'_> {
             let mut one = [0.0; MAX_JOINTS * MAX_JOINTS];
             out.fill(0.0);
             for term in &self.terms {
-                term.chain.mass_matrix(q, &mut one[..out.len()]);
+                term.mass_matrix(q, &mut one[..out.len()]);
                 add(out, term.weight, &one);
             }
             return;
         };
-        only.chain.mass_matrix(q, out);
+        only.mass_matrix(q, out);
     }
 
     /// c(q, q̇) + g(q).
@@ -117,12 +167,12 @@ impl WeightedLinks<'_> {
             let mut one = [0.0; MAX_JOINTS];
             out.fill(0.0);
             for term in &self.terms {
-                term.chain.bias_torque(q, qd, &mut one[..out.len()]);
+                term.bias_torque(q, qd, &mut one[..out.len()]);
                 add(out, term.weight, &one);
             }
             return;
         };
-        only.chain.bias_torque(q, qd, out);
+        only.bias_torque(q, qd, out);
     }
 
     /// The derivatives of M a + c + g at constant accelerations a by q and q̇ (m × m by rows), and by coordinates through `by_z(joint, coordinate,
@@ -142,7 +192,7 @@ impl WeightedLinks<'_> {
             by_qd.fill(0.0);
             for term in &self.terms {
                 let slopes = (&mut q_slopes[..m * m], &mut qd_slopes[..m * m]);
-                term.chain.link_torque_derivatives(q, qd, a, &mut torque[..m], slopes.0, slopes.1);
+                term.derivatives([q, qd, a], &mut torque[..m], slopes.0, slopes.1);
                 add(by_q, term.weight, &q_slopes);
                 add(by_qd, term.weight, &qd_slopes);
                 for &(coordinate, slope) in &term.slopes {
@@ -153,7 +203,7 @@ impl WeightedLinks<'_> {
             }
             return;
         };
-        only.chain.link_torque_derivatives(q, qd, a, &mut torque[..m], by_q, by_qd);
+        only.derivatives([q, qd, a], &mut torque[..m], by_q, by_qd);
     }
 }
 

@@ -13,8 +13,10 @@ use super::factor::Factor;
 use super::threads::both;
 use super::{LeastSquares, Step};
 
+mod inner;
 mod terms;
 
+use inner::{Inner, Relaxed};
 pub use terms::{Hopeless, Iteration, Seconds, Settings, Solution, Status};
 
 /// Damping from which on a small change of the cost is no sign of a minimum.
@@ -31,12 +33,10 @@ const WHOLE_STEP_GAIN: std::ops::RangeInclusive<f64> = 0.6..=1.4;
 const STATES_OWN: f64 = 0.9;
 
 /// Where states stand at a bend of the model, steps have to be damped or shortened, and creep. So many of them in a row that change less
-/// than [`CREEPING`] times what is asked, and promise less than ten times that, are enough.
+/// than [`CREEPING`] times what is asked are enough; where they promise less than ten times that, it is almost the minimum.
 const MOST_CREEPING_STEPS: usize = 4;
 /// See there.
 const CREEPING: f64 = 10.0;
-/// So many steps in a row that each change less than what is asked, whatever they promise, lead nowhere.
-const MOST_IDLE_STEPS: usize = 4;
 
 /// What a step may promise for its factor to serve the next one too, for residuals in units of their noise: less than that, and all unknowns
 /// together move by less than one standard deviation. By how much the matrix changes over so little no estimate and no interval shows.
@@ -108,6 +108,8 @@ pub fn minimise<P: LeastSquares>(
     let mut point = start;
     // Reused from step to step: fresh memory costs more than the arithmetic on it.
     let mut trial = point.clone();
+    let mut spare = (settings.inner_iterations > 0).then(|| point.clone());
+    let mut inner = Inner::default();
     let mut step = Step::default();
     let mut cost = total_cost(problem, &point, settings.threads);
     let mut damping = settings.initial_damping;
@@ -120,7 +122,7 @@ pub fn minimise<P: LeastSquares>(
     let mut factor_is_final = false;
 
     let mut still_falls = false;
-    let (mut creeping_steps, mut idle_steps) = (0, 0);
+    let mut creeping_steps = 0;
     // What the last step promised, if its factor serves the next one too.
     let mut near: Option<f64> = None;
 
@@ -151,6 +153,7 @@ pub fn minimise<P: LeastSquares>(
         let clock = Instant::now();
         let mut accepted = None;
         let mut trials = 0;
+        inner.begin();
         // What an undamped step promises: half the Newton decrement, whatever the damping of the trials.
         let undamped_promise = states_promise + border.step(0.0).map_or(f64::INFINITY, |(_, promise)| promise);
         // Then this step is the last one, whether rounding lets it reduce the cost or not.
@@ -175,7 +178,19 @@ pub fn minimise<P: LeastSquares>(
             }
             nothing_left |= rejected && little && damping <= HEAVY_DAMPING && state_damping <= 1e-9;
             let mut fraction = 1.0;
-            if rejected && !nothing_left && trial_cost.is_finite() {
+            let mut is_relaxed = false;
+            if let Some(spare) = spare.as_mut().filter(|_| rejected && !nothing_left) {
+                match inner.relax(problem, (&mut trial, spare), (trial_cost, cost), settings) {
+                    Relaxed::Lower(relaxed) => (trial_cost, is_relaxed) = (relaxed, true),
+                    // No damping of the border shortens a step that is the states' own.
+                    Relaxed::NoLower if states_promise < STATES_OWN * promised => {
+                        damping = (damping * 10.0).max(1e-9);
+                        continue;
+                    }
+                    Relaxed::NoLower | Relaxed::NotTried => {}
+                }
+            }
+            if rejected && !is_relaxed && !nothing_left && trial_cost.is_finite() {
                 // Mostly states went too far, past a reversal of friction, which no damping of the border holds back: a part of the same
                 // step, to where the parabola through both costs and the slope at the start, −2 · promised, is lowest.
                 trials += 1;
@@ -194,7 +209,8 @@ pub fn minimise<P: LeastSquares>(
                 } else {
                     1.0
                 };
-                mended = whole && !mended && !nothing_left && !little && !WHOLE_STEP_GAIN.contains(&ratio);
+                mended =
+                    whole && !is_relaxed && !mended && !nothing_left && !little && !WHOLE_STEP_GAIN.contains(&ratio);
                 if mended {
                     trials += 1;
                     let lowest = (2.0 - ratio).max(0.5).recip();
@@ -267,16 +283,11 @@ pub fn minimise<P: LeastSquares>(
             near = Some(undamped_promise);
         }
         let creeping = CREEPING * settings.relative_cost_change;
-        let is_held_back = !accepted.whole || state_damping > 0.0;
-        let creeps = is_held_back && change < creeping && undamped_promise < 10.0 * creeping * cost;
-        creeping_steps = if creeps { creeping_steps + 1 } else { 0 };
+        let is_held_back = !accepted.whole || state_damping > 0.0 || accepted.damping > HEAVY_DAMPING;
+        creeping_steps = if is_held_back && change < creeping { creeping_steps + 1 } else { 0 };
         if creeping_steps == MOST_CREEPING_STEPS {
-            status = Status::Almost;
-            break;
-        }
-        idle_steps = if change < settings.relative_cost_change { idle_steps + 1 } else { 0 };
-        if idle_steps == MOST_IDLE_STEPS {
-            status = Status::NoProgress;
+            let is_near = undamped_promise < 10.0 * creeping * cost;
+            status = if is_near { Status::Almost } else { Status::NoProgress };
             break;
         }
         state_damping *= if still_falls { 0.01 } else { accepted.less_state_damping() };

@@ -17,6 +17,8 @@ pub struct Settings {
     pub most_while_falling: usize,
     /// A search that costs more than this after so many iterations ends there, unless it falls so fast that it soon will not. Default none.
     pub hopeless: Option<Hopeless>,
+    /// Most steps of the states alone in all, after steps that lead to more than they started from. Default none.
+    pub inner_iterations: usize,
     /// Converged when an accepted step changes the cost by less than this share. Default 1e-9.
     pub relative_cost_change: f64,
     /// First damping of the border, relative to its diagonal. Default 1e-4.
@@ -50,6 +52,7 @@ impl Default for Settings {
             max_iterations: 60,
             most_while_falling: 60,
             hopeless: None,
+            inner_iterations: 0,
             relative_cost_change: 1e-9,
             initial_damping: 1e-4,
             threads: std::thread::available_parallelism().map_or(1, |n| n.get().min(2)),

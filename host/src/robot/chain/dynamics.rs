@@ -69,8 +69,14 @@ impl Chain {
 
     /// Everything that the description puts on the joints: τ = M(q) q̈ [+ c(q, q̇)] [+ g(q)].
     pub fn link_torque<T: Arithmetic>(&self, q: &[T], qd: &[T], qdd: &[T], tau: &mut [T]) {
-        self.inverse_dynamics(q, self.coriolis.then_some(qd), qdd, tau);
-        if self.has_gravity() {
+        let qd = self.coriolis.then_some(qd);
+        let has_gravity = self.has_gravity();
+        if has_gravity && self.bears_gravity() {
+            self.newton_euler(0, self.free_fall(), q, qd, Some(qdd), tau);
+            return;
+        }
+        self.inverse_dynamics(q, qd, qdd, tau);
+        if has_gravity {
             let mut gravity = [T::from(0.0); MAX_JOINTS];
             self.gravity_torque(q, &mut gravity[..self.links.len()]);
             for (tau, gravity) in tau.iter_mut().zip(gravity) {
@@ -82,7 +88,12 @@ impl Chain {
     /// The torques besides M(q) q̈: [c(q, q̇)] [+ g(q)]. Costs nothing where the description has neither.
     pub fn bias_torque<T: Arithmetic>(&self, q: &[T], qd: &[T], tau: &mut [T]) {
         tau.fill(T::from(0.0));
-        if self.has_gravity() {
+        let has_gravity = self.has_gravity();
+        if has_gravity && self.coriolis && self.bears_gravity() {
+            self.newton_euler(0, self.free_fall(), q, Some(qd), None, tau);
+            return;
+        }
+        if has_gravity {
             self.gravity_torque(q, tau);
         }
         if self.coriolis {

@@ -186,6 +186,17 @@ impl Chain {
         self.links.len()
     }
 
+    /// Whether M, c and g are the same at every position and speed: of slides alone, and of one joint that gravity does not load.
+    pub fn is_constant(&self) -> bool {
+        let slides = self.links.iter().all(|link| link.kind == JointKind::Prismatic);
+        slides || self.links.len() == 1 && !self.has_gravity()
+    }
+
+    /// Whether every joint bears what gravity does to it.
+    fn bears_gravity(&self) -> bool {
+        self.links.iter().all(|link| link.gravity == GravityLoad::Acts)
+    }
+
     /// Whether gravity loads any joint. A first joint that turns about the vertical feels nothing of it.
     pub fn has_gravity(&self) -> bool {
         let feels = |(i, link): (usize, &Link)| {
