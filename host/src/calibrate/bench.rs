@@ -133,12 +133,17 @@ impl<'a> Bench<'a> {
         self.search(laws, &from.known(), Effort::of(iterations))
     }
 
-    /// [`Self::fit`] of laws on top of those of `from`, a trial on this bench. Gives up where they lead to more than they started from, and do not fall fast.
+    /// [`Self::fit`] of laws on top of those of `from`, a trial on this bench. Gives up where they cost more than `above` and do not fall fast.
     ///
     /// # Errors
     /// A model that cannot be built or solved.
-    pub fn fit_on_top(&self, laws: &[Arc<dyn Law>], from: &Trial, iterations: usize) -> Result<Trial, CalibrateError> {
-        self.search(laws, &from.known(), Effort::of(iterations).unless_above(from.cost))
+    pub fn fit_on_top(
+        &self,
+        laws: &[Arc<dyn Law>],
+        from: &Trial,
+        (iterations, above): (usize, f64),
+    ) -> Result<Trial, CalibrateError> {
+        self.search(laws, &from.known(), Effort::of(iterations).unless_above(above))
     }
 
     /// Fits the base model with `laws` from the values of one trial, and the states of another, both on this bench. Gives up as [`Self::fit_on_top`] does.

@@ -40,6 +40,9 @@ pub const RIVALS_REFITTED: usize = 2;
 /// A law whose score is less than this share of the best one's waits for the next round.
 pub const PROMISING: f64 = 0.1;
 
+/// A refit that after a few iterations saves less than this share of what the best one so far does, and does not fall fast, is given up: it is no rival.
+pub const LEAST_OF_BEST: f64 = 0.5;
+
 /// |cos| of projected columns from which on two laws may stand for each other.
 pub const COLLINEAR: f64 = 0.9;
 

@@ -9,10 +9,14 @@
 //! the others for its unit or its noise, and one that gets a little worse beside others that get much better does not decide.
 
 use super::axes::is_of;
+use super::blocks::blocks;
+use super::criteria::{self, LEAST_BLOCK, SAMPLES};
 use super::interval::{Gain, bca};
+use super::refit::samples_for;
 use super::result::{ChannelGain, HorizonGain, OverTime};
 use crate::calibrate::{Bench, CalibrateError, Series, Trial};
 use crate::effect::{Effect, Role};
+use crate::model::Model;
 use crate::recording::Recording;
 use crate::robot::{ChannelKind, Robot};
 use crate::verify::{CalibratedModel, VerifyError, Windows, windows};
@@ -34,13 +38,21 @@ pub struct Predicted {
 pub struct Holdout<'a> {
     robot: &'a Robot,
     recordings: Vec<&'a Recording>,
+    /// Blocks of each, from which what is its own is estimated.
     series: Vec<Series>,
 }
 
 impl<'a> Holdout<'a> {
     /// Of these recordings of the robot.
     pub fn new(robot: &'a Robot, recordings: &[&'a Recording]) -> Self {
-        let series = recordings.iter().map(|recording| Series::of(robot, &[recording]));
+        let samples = samples_for(Model::new(robot).layout().size(), SAMPLES);
+        // Enough to see what is the recording's own.
+        let part = |recording: &&'a Recording| {
+            let series = Series::of(robot, &[recording]);
+            let windows = blocks(&series, (samples, criteria::BLOCKS, 0), LEAST_BLOCK, || None);
+            series.select(&windows).0
+        };
+        let series = recordings.iter().map(part);
         Holdout { robot, series: series.collect(), recordings: recordings.to_vec() }
     }
 

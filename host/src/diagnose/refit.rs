@@ -106,10 +106,13 @@ impl Refit<'_> {
     }
 
     /// The model of `current`, which has `accepted`, with one more law: searched from the law's start, and again with its corners where it has some. The one that predicts other
-    /// blocks better; none where no search ends in numbers.
-    pub fn with(&self, accepted: &[Named], current: &Fitted, named: &Named) -> Option<(Named, Fitted)> {
-        let smooth =
-            self.tried(accepted, current, named, |laws| self.bench.fit_on_top(laws, &current.trial, ITERATIONS));
+    /// blocks better; none where no search ends in numbers. One that comes to more than a cost of `above` is given up.
+    pub fn with(&self, accepted: &[Named], current: &Fitted, named: &Named, above: f64) -> Option<(Named, Fitted)> {
+        let effort = (ITERATIONS, above);
+        let smooth = self.tried(accepted, current, named, |laws| self.bench.fit_on_top(laws, &current.trial, effort));
+        if smooth.as_ref().is_some_and(|(_, fitted)| fitted.trial.cost > above) {
+            return smooth;
+        }
         let from = smooth.as_ref().map_or(&current.trial, |(_, fitted)| &fitted.trial);
         let sharp = named.law.sharp().filter(|_| !named.law.is_event()).map(|law| Named { law, ..named.clone() });
         let sharp = sharp.and_then(|named| {

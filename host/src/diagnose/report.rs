@@ -77,13 +77,23 @@ pub fn judge(refit: &Refit<'_>, holdout: &Holdout<'_>, selection: &mut Selection
         let worst = (0..judged.of_each.len()).filter(is_harmful).min_by(|a, b| gain(a).total_cmp(&gain(b)));
         // With which the other motion cannot be predicted at all, and without which it can.
         let unfit = || (0..judged.of_each.len()).rev().find(|place| judged.all.is_none() && judged.predicted[*place]);
-        let Some(worst) = worst.or_else(unfit) else { return (judged, rejected) };
+        let Some(worst) = worst.or_else(unfit) else { return (in_order(selection, judged), rejected) };
         let axes = axes(selection.accepted[worst].named.effect, &selection.current.trial);
         let others = if selection.accepted.len() > 1 { without.swap_remove(worst) } else { selection.base.clone() };
         let accepted = selection.remove(worst, others);
         rejected.push(reject(&accepted, &axes, judged.of_each[worst].1.as_ref()));
         selection.replace_by_rival(refit, &accepted, |rival| rejected.iter().any(|other| other.effect == rival.id));
     }
+}
+
+/// The main cause first: by what other blocks lose without each.
+fn in_order(selection: &mut Selection, mut judged: Judged) -> Judged {
+    let lost = |place: usize| judged.of_each[place].0.iter().sum::<f64>();
+    let mut order: Vec<usize> = (0..judged.of_each.len()).collect();
+    order.sort_by(|a, b| lost(*b).total_cmp(&lost(*a)));
+    selection.accepted = order.iter().map(|place| selection.accepted[*place].clone()).collect();
+    judged.of_each = order.iter().map(|place| judged.of_each[*place].clone()).collect();
+    judged
 }
 
 /// What the other motion says of a selection.

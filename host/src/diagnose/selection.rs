@@ -13,7 +13,8 @@ use super::axes::axes_of_step;
 use super::block_scores::{LawScore, collinearity, score_laws};
 use super::catalogue::{Candidate, Named};
 use super::criteria::{
-    BLOCKS, COLLINEAR, COVERED, LEVEL, MOST_FINDINGS, PROMISING, REFITTED, RIVALS_REFITTED, SCAN_SAMPLES, SIEVE,
+    BLOCKS, COLLINEAR, COVERED, LEAST_OF_BEST, LEVEL, MOST_FINDINGS, PROMISING, REFITTED, RIVALS_REFITTED,
+    SCAN_SAMPLES, SIEVE,
 };
 use super::curves::curves;
 use super::events::{at_worst_times, p_of_event, timed};
@@ -128,7 +129,9 @@ impl Selection {
         let is_in = |effect: &Effect| accepted.iter().any(|other| other.effect.id == effect.id);
         let rival = of.rivals.iter().find(|rival| !is_in(rival.named.effect) && !is_out(rival.named.effect));
         let Some(rival) = rival else { return };
-        let Some((named, fitted)) = refit.with(&accepted, &self.current, &rival.named) else { return };
+        let Some((named, fitted)) = refit.with(&accepted, &self.current, &rival.named, self.current.trial.cost) else {
+            return;
+        };
         let gains = fitted.gains_over(&self.current);
         if !share(&gains, 1.0).is_supported() {
             return;
@@ -325,7 +328,9 @@ pub fn first_refits(
     // The law in question is refitted whatever the scan says of it.
     scan.scanned.sort_by_key(|s| s.named.effect.id != effect.id);
     let own = scan.scanned.first().filter(|s| s.named.effect.id == effect.id);
-    let own = own.and_then(|s| Some((s.score.freedom, refit.with(&[], &selection.current, &s.named)?.1)));
+    let own = own.and_then(|s| {
+        Some((s.score.freedom, refit.with(&[], &selection.current, &s.named, selection.current.trial.cost)?.1))
+    });
     let saved = |fitted: &Fitted| -> f64 {
         selection.current.own.iter().zip(&fitted.own).map(|(before, after)| before - after).sum()
     };
@@ -381,7 +386,9 @@ fn refitted(refit: &Refit<'_>, selection: &Selection, scan: &Scan, clues: &[Name
             Ok(s.named.clone())
         };
         let Ok(named) = timed_law else { continue };
-        tried.extend(refit.with(&accepted, current, &named).map(|(named, fitted)| Tried {
+        let least = tried.iter().map(|tried| tried.fitted.trial.cost).fold(current.trial.cost, f64::min);
+        let above = current.trial.cost - LEAST_OF_BEST * (current.trial.cost - least);
+        tried.extend(refit.with(&accepted, current, &named, above).map(|(named, fitted)| Tried {
             p_family: of_refit(s, &fitted.gains_over(current), scan.count),
             gains: fitted.gains_over(current),
             freedom: s.score.freedom,
