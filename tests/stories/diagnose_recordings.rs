@@ -100,7 +100,7 @@ fn free_play_in_the_belts_is_named_with_its_size() {
     // Measured: 0.4 to 0.8 % (gaps) and 0.03 to 0.09 % (belts).
     let gaps =
         [("backlash.h[1]", 7.0663e-3, 0.025), ("backlash.h[2]", 8.4880e-3, 0.025), ("backlash.h[3]", 9.1410e-3, 0.025)];
-    // Gains of 0.92 to 0.96.
+    // Gains of 0.94 to 0.98.
     is_named(&diag, "backlash", &gaps, ([413.42, 389.74, 573.56], 0.003), 0.85..0.995);
     assert_eq!(diag["findings"][0]["axes"], serde_json::json!([1, 2, 3]));
 }
