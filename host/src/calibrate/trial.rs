@@ -91,6 +91,9 @@ pub struct JointState {
     pub thetad: f64,
 }
 
+/// A product of variance and information, at least one where there is any, that is rounding.
+const ROUNDING: f64 = 1e-9;
+
 /// The results of the dynamics with their errors.
 pub(super) fn values(
     problem: &Problem<'_>,
@@ -110,11 +113,14 @@ pub(super) fn values(
                 let sum = slopes.iter().flat_map(|(a, by_a)| slopes.iter().map(move |(b, by_b)| (a, b, by_a * by_b)));
                 sum.map(|(a, b, by)| by * covariance[(*a, *b)]).sum::<f64>()
             };
-            let std_error = covariance.as_ref().map(|c| variance(c).sqrt()).filter(|e| e.is_finite() && *e > 0.0);
             let inflation = |(a, _): &(usize, f64)| {
                 covariance.as_ref().map_or(f64::NAN, |c| c[(*a, *a)] * information[a * size + a])
             };
             let vif = slopes.iter().map(inflation).fold(f64::NAN, f64::max);
+            // A direction without any information keeps a variance of rounding.
+            let is_shown = vif > ROUNDING;
+            let std_error = covariance.as_ref().map(|c| variance(c).sqrt());
+            let std_error = std_error.filter(|e| e.is_finite() && *e > 0.0 && is_shown);
             TrialValue { name: name.to_string(), unit, estimate, std_error, vif }
         })
         .collect()
