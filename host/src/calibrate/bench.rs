@@ -26,8 +26,6 @@ const FAR: f64 = 2.0;
 /// Iterations under the base model's own noise, from a start that is far off, and the relative change of the cost that ends them.
 const EASY_ITERATIONS: usize = 8;
 const EASY: f64 = 1e-4;
-/// A search that still falls when its iterations are used up goes on, so many times as far.
-const WHILE_FALLING: usize = 1;
 /// Iterations after which more laws explain more, or are about to, or never do.
 const HOPELESS: usize = 8;
 
@@ -37,7 +35,7 @@ const INNER_ITERATIONS: usize = 12;
 /// How long a search goes on.
 #[derive(Debug, Clone, Copy)]
 struct Effort {
-    /// Iterations, if the cost has stopped falling fast by then.
+    /// Most iterations.
     iterations: usize,
     hopeless: Option<Hopeless>,
 }
@@ -266,10 +264,9 @@ impl<'a> Bench<'a> {
         if is_fresh {
             start = self.eased(&mut problem, start, &held);
         }
-        let most_while_falling = WHILE_FALLING * iterations;
         let settings = Settings {
             max_iterations: iterations,
-            most_while_falling,
+            most_while_falling: iterations,
             hopeless,
             inner_iterations: INNER_ITERATIONS,
             ..self.settings.clone()

@@ -33,7 +33,7 @@ fn lead(problem: &Problem<'_>, point: &mut Point<'_>, components: &[usize]) {
     let mut scratch = problem.scratch();
     let mut set = |point: &mut Point<'_>, from: usize, to: usize| {
         // A step that ends in no number leaves what was there.
-        let next: Vec<f64> = problem.next(point, from, &mut scratch).to_vec();
+        let next = problem.next(point, from, &mut scratch);
         for component in components {
             if next[*component].is_finite() {
                 point.states[to * size + component] = next[*component];

@@ -232,12 +232,12 @@ fn add(
             selection.scan.clone_from(&scan.scanned);
         }
         selection.not_finite.clone_from(&scan.not_finite);
-        let Some((chosen, rivals)) = choose(&selection.current, &scan, tried, plausibility) else { break };
+        let Some((chosen, fitted)) = choose(&selection.current, &scan, tried, plausibility) else { break };
         if !covers(refit, selection, &chosen) {
             break;
         }
         tracing::debug!(effect = chosen.named.effect.id, weight = chosen.weight, "accepted");
-        let before = selection.replace(rivals.fitted);
+        let before = selection.replace(fitted);
         selection.before_last = Some(before);
         selection.accepted.push(chosen);
     }
@@ -439,12 +439,8 @@ fn is_supported(tried: &Tried) -> bool {
     supported && tried.p_family < LEVEL && gain.share > 0.0
 }
 
-/// What stands in the place of the chosen one.
-struct Chosen {
-    fitted: Fitted,
-}
-
-fn choose(current: &Fitted, scan: &Scan, tried: Vec<Tried>, plausibility: &Plausibility) -> Option<(Accepted, Chosen)> {
+/// The law that is added, if any is supported, and the model with it.
+fn choose(current: &Fitted, scan: &Scan, tried: Vec<Tried>, plausibility: &Plausibility) -> Option<(Accepted, Fitted)> {
     let gain = |tried: &Tried| tried.gains.iter().sum::<f64>();
     let contender = |tried: &Tried| Contender {
         gains: tried.fitted.squares_saved_over(current),
@@ -496,7 +492,7 @@ fn choose(current: &Fitted, scan: &Scan, tried: Vec<Tried>, plausibility: &Plaus
         rivals,
         is_event: tried.is_event,
     };
-    Some((accepted, Chosen { fitted: tried.fitted }))
+    Some((accepted, tried.fitted))
 }
 
 /// The model without the cause at `place`, and what each block loses.
