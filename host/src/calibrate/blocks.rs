@@ -224,7 +224,7 @@ impl<'a> Bench<'a> {
             layout.own().chain(layout.passive()).chain(layout.passive().map(|i| layout.chain() + i)).collect();
         let of_step: f64 = added.iter().map(|i| problem.process_weight[*i].ln()).sum();
         let initial = problem.assumptions.initial;
-        let of_start = -(layout.own().len() as f64 * initial.own.ln()
+        let of_start = -(problem.model.own_size().iter().map(|size| (size * initial.own).ln()).sum::<f64>()
             + 2.0 * layout.passive().count() as f64 * initial.windup.ln());
         let starts = range.clone().filter(|k| self.series.starts_run(*k)).count() as f64;
         let steps = range.filter(|k| problem.linked(*k)).count() as f64;

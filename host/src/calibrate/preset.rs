@@ -116,7 +116,7 @@ pub struct InitialNoise {
     pub windup: f64,
     /// q̇ and θ̇ at rest, rad/s or m/s.
     pub speed: f64,
-    /// States that laws of effects have of their own, in their units.
+    /// States that laws of effects have of their own, as a share of how large they may be.
     pub own: f64,
     /// The same at rest.
     pub own_at_rest: f64,
@@ -131,7 +131,7 @@ const PAPER_PROCESS: ProcessNoise = ProcessNoise { position: 1e-6, link_speed: 0
 const TIGHTER: f64 = 100.0;
 
 /// Equation (37): √0.0076 rad (5°), and σ_encoder of the paper for the speeds.
-const PAPER_INITIAL: InitialNoise = InitialNoise { windup: 0.087_178, speed: 6.9259e-5, own: 10.0, own_at_rest: 1e-2 };
+const PAPER_INITIAL: InitialNoise = InitialNoise { windup: 0.087_178, speed: 6.9259e-5, own: 1.0, own_at_rest: 1e-3 };
 
 impl Preset {
     /// What the preset assumes.

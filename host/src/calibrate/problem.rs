@@ -277,7 +277,9 @@ impl<'m> Problem<'m> {
         let recording = self.series.recording_of(k);
         let rest = &self.series.rest[recording];
         let at_rest = rest.start == k && rest.len() >= SHORTEST_REST;
-        layout.own().for_each(|i| about_zero(i, if at_rest { noise.own_at_rest } else { noise.own }));
+        for (i, size) in layout.own().zip(self.model.own_size()) {
+            about_zero(i, size * if at_rest { noise.own_at_rest } else { noise.own });
+        }
         if at_rest {
             (0..layout.chain()).for_each(|i| about_zero(layout.chain() + i, noise.speed));
             let elastic = (0..layout.joints()).filter(|&i| layout.is_elastic(i));

@@ -64,6 +64,8 @@ use solve::levenberg::Settings;
 const ENOUGH: f64 = 1e-5;
 /// And after so many iterations.
 const MOST_ITERATIONS: usize = 25;
+/// Iterations of each search of the calibration with the findings, which starts where the bench has ended.
+const EXTENDED_ITERATIONS: usize = 25;
 
 /// Why a recording cannot be diagnosed.
 #[derive(Debug, thiserror::Error)]
@@ -157,7 +159,13 @@ fn extended(
         return None;
     }
     let known = (&ids[..], &selection.current.trial, bench);
-    let extended = extend_as(robot, recordings, base, known, settings, |i, iteration| {
+    let most = |iterations: usize| iterations.min(EXTENDED_ITERATIONS);
+    let settings = Settings {
+        max_iterations: most(settings.max_iterations),
+        most_while_falling: most(settings.most_while_falling),
+        ..settings.clone()
+    };
+    let extended = extend_as(robot, recordings, base, known, &settings, |i, iteration| {
         tracing::trace!(i, cost = iteration.cost, damping = iteration.damping, trials = iteration.trials, "extended");
     });
     match extended {

@@ -1,10 +1,14 @@
-//! Viscoelastic belt: a Maxwell branch beside the spring and damper.
+//! Viscoelastic or hysteretic belt: a branch beside the spring and damper that lets go with time, or where it is wound too far.
 //!
 //! ```text
 //!          ┌── k_s ──────────────┐
-//! motor ───┼── d_s ──────────────┼─── link        τ_c + f,   ḟ = k₁ (q̇ − θ̇) − f/τ
-//!          └── k₁ ── damper k₁τ ─┘
+//! motor ───┼── d_s ──────────────┼─── link
+//!          └── k₁ ── damper k₁τ ─┘                τ_c + f,     ḟ = k₁ (q̇ − θ̇) − f/τ                          Maxwell branch
+//!          └── k₁ ── slip z₁ ────┘                τ_c + k₁ z₁ s,  z₁ ṡ = ẇ − ½ (|ẇ| s |s| + ẇ s²),  w = q − θ    slip element
 //! ```
+//! The slip element is that of Bouc and Wen (Wen 1976, n = 2, β = γ): it winds back as stiff as it started, and carries k₁ z₁ at most, at any speed.
+
+use std::sync::Arc;
 
 use rand::{Rng, RngExt};
 
@@ -16,17 +20,19 @@ pub(super) const EFFECT: Effect = Effect {
     id: "belt_hysteresis",
     row: Row::Link,
     title: "viscoelastic belt",
-    equation: "τ_c + f, ḟ = k₁ (q̇ − θ̇) − f/τ",
+    equation: "τ_c + f, ḟ = k₁ (q̇ − θ̇) − f/τ, or f = k₁ z, |z| ≤ z₁",
     parameters: &[
         EffectParameter::size("k1[i]", "N m/rad")
             .typically(0.24, 0.35, Scale::Stiffness)
             .sizes("12, 24, 43 % of k_s (10 to 50 met)"),
         EffectParameter::shape("tau[i]", "s").typically(0.022, 0.45, Scale::Si).sizes("6 to 80 ms (5 to 100 met)"),
+        EffectParameter::shape("slip[i]", "rad").typically(8e-3, 0.45, Scale::Si).sizes("no effect of it is drawn"),
     ],
     nuisances: &[],
     confounded_with: &["d_s", "k_s", "electrical_lag"],
     about: "Polymers relax: wound up quickly a belt is stiffer than wound up slowly, and it gives back less than it took. \
-            Slower than τ the branch is soft, faster it is one more spring, between the two it damps.",
+            Slower than τ the branch is soft, faster it is one more spring, between the two it damps. Where fibres rub, the branch slips \
+            from a wind-up on, whatever the speed.",
     make,
     laws,
 };
@@ -115,8 +121,73 @@ impl HysteresisLaw {
     }
 }
 
+/// A step of a slip element's state may be wrong by so much, as a share of the wind at which it slips: as good as nothing.
+const SIGMA_SHARE: f64 = 1e-3;
+
+/// A slip element: its wind, as a share of that at which it slips, is a state of its own.
+#[derive(Debug)]
+struct SlipLaw {
+    parameters: Parameters,
+    joints: Vec<usize>,
+}
+
+impl Law for SlipLaw {
+    fn parameters(&self) -> &Parameters {
+        &self.parameters
+    }
+
+    fn hooks(&self) -> &'static [Hook] {
+        &[Hook::Transmission, Hook::StateRate]
+    }
+
+    fn has_state(&self, joint: usize) -> bool {
+        self.joints.contains(&joint)
+    }
+
+    fn state_size(&self, _: usize) -> f64 {
+        1.0
+    }
+
+    fn state_sigma(&self, _: usize) -> f64 {
+        SIGMA_SHARE
+    }
+
+    acts_on_joints!();
+}
+
+impl SlipLaw {
+    #[inline(always)]
+    fn act<T: Quantity>(&self, hook: Hook, at: &At<'_, T>, quantity: T) -> T {
+        let [k1, slip] = *at.parameters else { return quantity };
+        match hook {
+            Hook::Transmission => quantity + k1 * slip.exp() * at.own,
+            _ => {
+                let (rate, share) = (at.wind_rate(), at.own);
+                (rate - (rate.abs() * share.abs() + rate * share) * share * 0.5) * (-slip).exp()
+            }
+        }
+    }
+}
+
+/// Winds at which a slip element may start, rad.
+const SLIPS_RAD: [f64; 3] = [2e-3, 8e-3, 30e-3];
+/// A belt that slips later than at the end of this range is a stiffer spring, rad.
+const SLIPS_MET_RAD: [f64; 2] = [2e-4, 0.1];
+
 fn laws(robot: &Robot) -> Laws {
     let joints = draw::some(EFFECT.id, draw::elastic(robot), draw::NO_BELT)?;
+    let slipping = |start_rad: f64| {
+        let mut parameters = Parameters::on(EFFECT.id, robot);
+        for &joint in &joints {
+            parameters.plain("k1", "N m/rad", Of::Joint(joint), 0.0);
+        }
+        parameters.within("k1", [0.0, f64::INFINITY]);
+        for &joint in &joints {
+            parameters.positive("slip", "rad", Of::Joint(joint), start_rad);
+        }
+        parameters.within("slip", SLIPS_MET_RAD);
+        Arc::new(SlipLaw { parameters, joints: joints.clone() }) as Arc<dyn Law>
+    };
     let with = |start_s: f64| {
         let mut parameters = Parameters::on(EFFECT.id, robot);
         for &joint in &joints {
@@ -132,5 +203,6 @@ fn laws(robot: &Robot) -> Laws {
         let sigma = (0..robot.joints.len()).map(sigma).collect();
         HysteresisLaw { parameters, joints: joints.clone(), sigma }
     };
-    each([25e-3, 8e-3, 70e-3].map(with))
+    let relaxing = each([25e-3, 8e-3, 70e-3].map(with))?;
+    Ok(relaxing.into_iter().chain(SLIPS_RAD.map(slipping)).collect())
 }

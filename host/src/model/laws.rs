@@ -12,6 +12,8 @@ use crate::robot::{Body, Robot, RobotError, Symbol};
 
 /// How far one step of a lagging gyro's state may be wrong, rad/s over 1 ms: as far as one of the link's speed.
 const LAG_SIGMA: f64 = 1e-4;
+/// How large that state may be, rad/s.
+const LAG_SIZE: f64 = 10.0;
 
 /// The laws of a model.
 #[derive(Debug, Clone, Default)]
@@ -26,6 +28,8 @@ pub(super) struct Laws {
     gyros: usize,
     /// How far a step of each own state may be wrong over 1 ms.
     own_sigma: Vec<f64>,
+    /// How large each may be.
+    own_size: Vec<f64>,
     /// Which law changes the supply, and its coordinate.
     pub(super) supply: Option<(usize, usize)>,
 }
@@ -63,9 +67,10 @@ impl Laws {
         bodies: &[usize],
     ) -> Self {
         let mut laws = Laws::default();
-        let mut own_sigma = Vec::new();
-        let mut add_state = |sigma: f64| {
+        let (mut own_sigma, mut own_size) = (Vec::new(), Vec::new());
+        let mut add_state = |sigma: f64, size: f64| {
             own_sigma.push(sigma);
+            own_size.push(size);
             layout.own += 1;
             layout.size() - 1
         };
@@ -78,7 +83,7 @@ impl Laws {
                 }
                 let local = law.local(joint);
                 let state = law.has_state(joint).then(|| {
-                    of.states.push(add_state(law.state_sigma(joint)));
+                    of.states.push(add_state(law.state_sigma(joint), law.state_size(joint)));
                     of.states.len() - 1
                 });
                 of.laws.push((index, of.parameters.len(), local.len(), state));
@@ -86,7 +91,7 @@ impl Laws {
             }
             for (gyro, sensor) in robot.gyros().enumerate() {
                 if let Some(own) = law.gyro_lag(gyro) {
-                    let [state, _, _] = [LAG_SIGMA; 3].map(&mut add_state);
+                    let [state, _, _] = [LAG_SIGMA; 3].map(|sigma| add_state(sigma, LAG_SIZE));
                     laws.lags.push(Lag { gyro, body: bodies[sensor.body], state, coordinate: first + own });
                 }
             }
@@ -105,7 +110,7 @@ impl Laws {
             (place, first + joint.stiffness, first + joint.damping)
         });
         let passive = joints.collect();
-        Laws { list, passive, own_sigma, gyros: robot.gyros().count(), ..laws }
+        Laws { list, passive, own_sigma, own_size, gyros: robot.gyros().count(), ..laws }
     }
 
     pub(super) fn list(&self) -> &[Arc<dyn Law>] {
@@ -125,6 +130,10 @@ impl Laws {
 
     pub(super) fn own_sigma(&self) -> &[f64] {
         &self.own_sigma
+    }
+
+    pub(super) fn own_size(&self) -> &[f64] {
+        &self.own_size
     }
 
     pub(super) fn input_delay(&self) -> Option<usize> {

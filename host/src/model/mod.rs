@@ -174,6 +174,11 @@ impl Model {
         self.laws.own_sigma()
     }
 
+    /// How large each state that laws bring may be, in its unit.
+    pub fn own_size(&self) -> &[f64] {
+        self.laws.own_size()
+    }
+
     /// Where the time by which inputs are late stands among the coordinates, if a law has one.
     pub fn input_delay(&self) -> Option<usize> {
         self.laws.input_delay()

@@ -1,6 +1,6 @@
 //! What sensors read where it is not the state itself: laws of effects change it, or an encoder counts from elsewhere; with the derivatives.
 
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 
 use super::law::{Broad, GyroAt, Narrow, Of, PositionAt};
 use super::parameters::Source;
@@ -117,31 +117,31 @@ impl SensorLaws {
         [position, speed]: [f64; 2],
         shifted_s: f64,
     ) -> PositionReading {
-        let mut reading: Narrow = variable(position, 0);
-        let (mut lane, mut coordinates) = (2, Vec::new());
-        for (law, own) in self.at(side, joint).map_or(&[][..], |of| &of.laws) {
-            let parameters = variables(own, z, &mut lane);
+        let mut reading = PositionReading { value: position, slopes: [1.0, 0.0], by_z: Vec::new() };
+        let Some(of) = self.at(side, joint) else { return reading };
+        for (law, own) in &of.laws {
+            let parameters = variables(own, z, 2);
             let at = PositionAt { joint, side, speed: variable(speed, 1), shifted_s, parameters: &parameters };
-            reading = model.laws()[*law].position(&at, reading);
-            coordinates.extend(own.iter().copied());
+            let read: Narrow = model.laws()[*law].position(&at, variable(reading.value, 0));
+            // The chain rule: each law reads what the one before it has read.
+            let [by_reading, by_speed, by_own @ ..] = read.slope;
+            reading.value = read.re;
+            reading.slopes = [by_reading * reading.slopes[0], by_reading * reading.slopes[1] + by_speed];
+            reading.by_z.iter_mut().for_each(|(_, slope)| *slope *= by_reading);
+            reading.by_z.extend(own.iter().copied().zip(by_own));
         }
-        let mut known = |source: Source| match source {
-            Source::Free { coordinate, .. } => {
-                coordinates.push(coordinate);
-                variables(&[coordinate], z, &mut lane)[0]
-            }
-            Source::Known(value) => Narrow::from(value),
+        let value = |source: Source| match source {
+            Source::Free { coordinate, .. } => (Some(coordinate), variables::<1>(&[coordinate], z, 0)[0].re),
+            Source::Known(value) => (None, value),
         };
-        if let Some(of) = self.at(side, joint) {
-            let (scale_error, zero) = (known(of.scale_error), known(of.zero));
-            reading = reading * (Narrow::from(1.0) + scale_error) + zero;
-        }
-        let [by_position, by_speed, by_z @ ..] = reading.slope;
-        PositionReading {
-            value: reading.re,
-            slopes: [by_position, by_speed],
-            by_z: coordinates.into_iter().zip(by_z).collect(),
-        }
+        let ((scale_of, scale_error), (zero_of, zero)) = (value(of.scale_error), value(of.zero));
+        let by_scale = reading.value;
+        reading.value = by_scale * (1.0 + scale_error) + zero;
+        reading.slopes.iter_mut().for_each(|slope| *slope *= 1.0 + scale_error);
+        reading.by_z.iter_mut().for_each(|(_, slope)| *slope *= 1.0 + scale_error);
+        reading.by_z.extend(scale_of.map(|coordinate| (coordinate, by_scale)));
+        reading.by_z.extend(zero_of.map(|coordinate| (coordinate, 1.0)));
+        reading
     }
 
     /// What a gyro reads at this rate and bias, rad/s in sensor axes, `time_s` after the start of the motion.
@@ -153,34 +153,32 @@ impl SensorLaws {
         rate: Vector3<f64>,
         bias: Vector3<f64>,
     ) -> GyroReading {
-        let mut seen: [Broad; 3] = std::array::from_fn(|axis| variable(rate[axis], axis));
-        let mut left: [Broad; 3] = std::array::from_fn(|axis| variable(bias[axis], 3 + axis));
-        let (mut lane, mut coordinates) = (6, Vec::new());
+        let (mut seen, mut left) = (rate, bias);
+        let (mut by_rate, mut by_bias) = (Matrix3::identity(), Matrix3::zeros());
+        let mut by_left = Matrix3::identity();
+        let mut by_z: Vec<(usize, [f64; 3])> = Vec::new();
         for (law, own) in &self.gyros[gyro] {
-            let parameters = variables(own, z, &mut lane);
+            let parameters = variables(own, z, 6);
             let at = GyroAt { gyro, time_s, parameters: &parameters };
-            // What one law reads is the rate of the next, its bias included.
-            seen = model.laws()[*law].gyro(&at, seen, left);
-            left = [Broad::from(0.0); 3];
-            coordinates.extend(own.iter().copied());
+            let rate: [Broad; 3] = std::array::from_fn(|axis| variable(seen[axis], axis));
+            let rest: [Broad; 3] = std::array::from_fn(|axis| variable(left[axis], 3 + axis));
+            let read = model.laws()[*law].gyro(&at, rate, rest);
+            // The chain rule: what one law reads is the rate of the next, its bias included.
+            let by = |first: usize| Matrix3::from_fn(|row, column| read[row].slope[first + column]);
+            (by_rate, by_bias) = (by(0) * by_rate, by(0) * by_bias + by(3) * by_left);
+            for (_, slope) in &mut by_z {
+                *slope = (by(0) * Vector3::from(*slope)).into();
+            }
+            by_z.extend(own.iter().enumerate().map(|(i, z)| (*z, read.map(|axis| axis.slope[6 + i]))));
+            seen = Vector3::from(read.map(|axis| axis.re));
+            (left, by_left) = (Vector3::zeros(), Matrix3::zeros());
         }
-        let reading: [Broad; 3] = std::array::from_fn(|axis| seen[axis] + left[axis]);
-        let gradient = |first: usize| reading.map(|r| Vector3::from_column_slice(&r.slope[first..first + 3]));
-        let by_z = coordinates.into_iter().enumerate().map(|(i, z)| (z, reading.map(|r| r.slope[6 + i])));
-        GyroReading {
-            value: Vector3::from(reading.map(|r| r.re)),
-            by_rate: gradient(0),
-            by_bias: gradient(3),
-            by_z: by_z.collect(),
-        }
+        let rows = |by: Matrix3<f64>| std::array::from_fn(|axis| by.row(axis).transpose());
+        GyroReading { value: seen + left, by_rate: rows(by_rate), by_bias: rows(by_bias + by_left), by_z }
     }
 }
 
-/// Coordinates as variables from lane `next` on.
-fn variables<const N: usize>(coordinates: &[usize], z: &[f64], next: &mut usize) -> Vec<Lanes<N>> {
-    let variables = coordinates.iter().map(|&i| {
-        *next += 1;
-        variable(z[i], *next - 1)
-    });
-    variables.collect()
+/// Coordinates as variables from lane `first` on.
+fn variables<const N: usize>(coordinates: &[usize], z: &[f64], first: usize) -> Vec<Lanes<N>> {
+    coordinates.iter().enumerate().map(|(i, own)| variable(z[*own], first + i)).collect()
 }

@@ -204,6 +204,11 @@ pub trait Law: std::fmt::Debug + Send + Sync {
         false
     }
 
+    /// How large that state may be, in its unit: what is assumed of one that nothing is known of yet.
+    fn state_size(&self, _joint: usize) -> f64 {
+        10.0
+    }
+
     /// How far one step of that state may be wrong, in its unit, over 1 ms: as little as a push on the speeds that the process noise allows,
     /// but no less, or a search by linearisation must take small steps.
     fn state_sigma(&self, _joint: usize) -> f64 {

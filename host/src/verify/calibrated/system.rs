@@ -286,6 +286,9 @@ impl System for CalibratedSystem<'_> {
         for i in layout.passive() {
             deviation[i] = WINDUP;
         }
+        for (i, size) in layout.own().zip(calibrated.model.own_size()) {
+            deviation[i] = *size;
+        }
         for channel in &calibrated.channels {
             // A gyro that lags shows the body's rate of a moment ago.
             if let ChannelKind::GyroAxis { gyro, body, axis: 0 } = channel.kind
