@@ -26,9 +26,10 @@ pub(super) const EFFECT: Effect = Effect {
             .typically(0.24, 0.35, Scale::Stiffness)
             .sizes("12, 24, 43 % of k_s (10 to 50 met)"),
         EffectParameter::shape("tau[i]", "s").typically(0.022, 0.45, Scale::Si).sizes("6 to 80 ms (5 to 100 met)"),
-        EffectParameter::shape("slip[i]", "rad").typically(8e-3, 0.45, Scale::Si).sizes("no effect of it is drawn"),
     ],
-    nuisances: &[],
+    nuisances: &[
+        EffectParameter::nuisance("slip[i]", "rad").sizes("0.2 to 100 mrad: the wind at which the slip element slips")
+    ],
     confounded_with: &["d_s", "k_s", "electrical_lag"],
     about: "Polymers relax: wound up quickly a belt is stiffer than wound up slowly, and it gives back less than it took. \
             Slower than τ the branch is soft, faster it is one more spring, between the two it damps. Where fibres rub, the branch slips \
@@ -205,4 +206,66 @@ fn laws(robot: &Robot) -> Laws {
     };
     let relaxing = each([25e-3, 8e-3, 70e-3].map(with))?;
     Ok(relaxing.into_iter().chain(SLIPS_RAD.map(slipping)).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The torque of a slip element of 100 N m/rad that slips at 8 mrad, wound from nothing along these winds (rad) at a speed (rad/s) in small steps: at each of them.
+    fn along(winds_rad: &[f64], speed_rad_s: f64) -> Vec<f64> {
+        let robot = Robot::builtin("one_joint").unwrap();
+        let law = laws(&robot).unwrap().into_iter().find(|law| law.parameters().results[1].name.contains("slip"));
+        let law = law.unwrap();
+        let parameters = [100.0, 8e-3_f64.ln()];
+        let at = |own: f64, rate: f64| At {
+            joint: 0,
+            time_s: 0.0,
+            q: 0.0,
+            qd: rate,
+            theta: 0.0,
+            thetad: 0.0,
+            driving: 0.0,
+            k_mi: 0.0,
+            mu: 0.0,
+            k_s: 0.0,
+            d_s: 0.0,
+            friction_speed: 0.0,
+            friction_sign: 0.0,
+            transmitted: 0.0,
+            parameters: &parameters,
+            own,
+        };
+        let (mut own, mut wind_rad) = (0.0, 0.0);
+        let step = |to: &f64| {
+            let steps = 20_000;
+            let rate = speed_rad_s * (to - wind_rad).signum();
+            let dt_s = (to - wind_rad).abs() / speed_rad_s / f64::from(steps);
+            for _ in 0..steps {
+                own += dt_s * law.plain(Hook::StateRate, &at(own, rate), 0.0);
+            }
+            wind_rad = *to;
+            law.plain(Hook::Transmission, &at(own, 0.0), 0.0)
+        };
+        winds_rad.iter().map(step).collect()
+    }
+
+    #[test]
+    fn a_slip_element_is_a_spring_at_first_carries_so_much_at_most_and_winds_back_as_stiff_as_it_began() {
+        let torques = along(&[0.4e-3, 60e-3, 59.6e-3, -60e-3], 0.1);
+        // rtol 1 %: k₁ times the wind, k₁ z₁ = 0.8 N m.
+        assert!((torques[0] / 0.04 - 1.0).abs() < 0.01, "{torques:?}");
+        assert!((torques[1] / 0.8 - 1.0).abs() < 0.01, "{torques:?}");
+        assert!(((torques[1] - torques[2]) / 0.04 - 1.0).abs() < 0.01, "{torques:?}");
+        assert!((torques[3] / -0.8 - 1.0).abs() < 0.01, "{torques:?}");
+    }
+
+    #[test]
+    fn how_fast_it_is_wound_makes_no_difference() {
+        let winds_rad = [5e-3, -3e-3, 12e-3, 11e-3];
+        for (slow, fast) in along(&winds_rad, 0.01).into_iter().zip(along(&winds_rad, 10.0)) {
+            // atol 1e-9 N m.
+            assert!((slow - fast).abs() < 1e-9, "{slow} {fast}");
+        }
+    }
 }
