@@ -131,7 +131,7 @@ impl SensorLaws {
             reading.by_z.extend(own.iter().copied().zip(by_own));
         }
         let value = |source: Source| match source {
-            Source::Free { coordinate, .. } => (Some(coordinate), variables::<1>(&[coordinate], z, 0)[0].re),
+            Source::Free { coordinate, .. } => (Some(coordinate), z[coordinate]),
             Source::Known(value) => (None, value),
         };
         let ((scale_of, scale_error), (zero_of, zero)) = (value(of.scale_error), value(of.zero));
