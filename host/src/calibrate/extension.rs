@@ -206,6 +206,7 @@ fn known_components(model: &Model, from: &Known<'_>) -> Vec<(usize, usize)> {
         for of in [Layout::q, Layout::qd, Layout::theta, Layout::thetad] {
             components.push((of(to, joint), of(known, joint)));
         }
+        components.extend(to.input(joint).zip(known.input(joint)));
     }
     // Passive joints are told apart by nothing but their number.
     if to.passive().eq(known.passive()) {

@@ -59,6 +59,10 @@ pub(super) fn shown_by_noise<'m>(
     threads: usize,
 ) -> Result<ByNoise, SolveError> {
     let point = &found.solution.point;
+    // Where inputs are measurements, the motion is what the sensors saw whatever the parameters are, and the term belongs to no likelihood.
+    if !problem.model.layout().inputs().is_empty() {
+        return Ok(ByNoise::default());
+    }
     let guess = Guess::new(problem, point, &found.noise_free);
     let covariance = |information: &[f64]| guess.scaled(information, &found.held).cholesky().map(|f| f.inverse());
     let claimed = covariance(&found.solution.information);

@@ -5,7 +5,7 @@ use super::preset::{Assumptions, ProcessNoise};
 use super::problem::Problem;
 use super::series::Series;
 use crate::model::{Layout, Model, Stepper};
-use crate::robot::{JointKind, Robot};
+use crate::robot::{InputNoise, JointKind, Robot};
 use solve::LeastSquares;
 
 /// Standard deviations, a plain value: taken from a preset or estimated from the recording.
@@ -20,9 +20,8 @@ pub struct Noise {
 /// Steps along a trajectory whose error is looked at.
 const STEPS_LOOKED_AT: usize = 5_000;
 
-/// White torque noise over a step of T moves the speed by σ and leaves the position T/√12 σ beside what speeds before and after tell.
-/// Positions are never taken for better known than that.
-const POSITION_PER_SPEED: f64 = 0.288_675_134_594_813;
+/// White torque noise over a step of T moves the speed by σ and the position by T/√3 σ. Positions are never taken for better known than that.
+const POSITION_PER_SPEED: f64 = 0.577_350_269_189_626;
 
 /// Share of the robot file's standard deviation below which no channel's is taken to be.
 const LEAST_SHARE: f64 = 0.5;
@@ -34,6 +33,7 @@ impl Noise {
             channels: series.channels.iter().map(|channel| channel.sigma).collect(),
             process: by_component(model, assumptions.process.over(robot.sample_period_s)),
         };
+        noise.process[model.layout().inputs()].copy_from_slice(&of_inputs(robot, model.layout(), series));
         noise.allow_unmodelled(robot, model.layout());
         noise
     }
@@ -65,6 +65,9 @@ impl Noise {
             if to.is_elastic(i) {
                 process[to.theta(i)] = self.process[from.theta(i)];
                 process[to.thetad(i)] = self.process[from.thetad(i)];
+            }
+            if let (Some(to), Some(from)) = (to.input(i), from.input(i)) {
+                process[to] = self.process[from];
             }
         }
         Noise { channels: self.channels.clone(), process }
@@ -131,6 +134,31 @@ impl Noise {
     }
 }
 
+/// Components of the robot's own joints whose steps have no noise of their own: positions, since q' is q̇ and nothing else, and speeds on which a measured
+/// input acts, whose error is a state.
+pub(super) fn exact_steps(layout: &Layout) -> Vec<usize> {
+    let joints = 0..layout.joints();
+    let positions = joints.clone().flat_map(|i| [layout.q(i), layout.theta(i)]);
+    let driven = joints.filter(|i| layout.input(*i).is_some()).map(|i| layout.thetad(i));
+    positions.chain(driven).collect()
+}
+
+/// Share of an input's root mean square that its error is taken for, before anything is known of it.
+const ASSUMED_OF_INPUT: f64 = 0.01;
+
+/// Standard deviations of the inputs' errors as the robot file tells them or as they are assumed, in the input's unit; none where inputs are commands.
+pub(crate) fn of_inputs(robot: &Robot, layout: &Layout, series: &Series) -> Vec<f64> {
+    let assumed = |joint: usize| match robot.input_noise() {
+        InputNoise::Known(sigma) => sigma,
+        InputNoise::None | InputNoise::Unknown => {
+            let squares: f64 = (0..series.stages()).map(|k| series.input(k)[joint].powi(2)).sum();
+            let rms = (squares / series.stages().max(1) as f64).sqrt();
+            ASSUMED_OF_INPUT * if rms > 0.0 { rms } else { 1.0 }
+        }
+    };
+    (0..layout.inputs().len()).map(assumed).collect()
+}
+
 /// No step of a speed is taken for more exact than this, rad/s or m/s: a robot at rest has no integration error at all, and weights
 /// above 1e9 would leave nothing of the sensors' digits.
 pub(super) const LEAST_SPEED: f64 = 1e-6;
@@ -173,6 +201,9 @@ pub(super) fn process_names(robot: &Robot, layout: &Layout) -> Vec<(String, &'st
         if layout.is_elastic(i) {
             name(layout.theta(i), "theta", units[0]);
             name(layout.thetad(i), "thetad", units[1]);
+        }
+        if let Some(error) = layout.input(i) {
+            name(error, "input", robot.input.unit.symbol());
         }
     }
     names

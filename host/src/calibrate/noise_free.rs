@@ -149,7 +149,8 @@ fn first_state(problem: &Problem<'_>, point: &Point<'_>, recording: usize, x: &m
     let layout = problem.model.layout();
     let (stages, rest) = (&problem.series.recordings[recording], &problem.series.rest[recording]);
     if rest.len() < SHORTEST_REST {
-        return x.copy_from_slice(point.state(stages.start));
+        x.copy_from_slice(point.state(stages.start));
+        return x[layout.inputs()].fill(0.0);
     }
     x.fill(0.0);
     for k in rest.clone() {
@@ -158,6 +159,7 @@ fn first_state(problem: &Problem<'_>, point: &Point<'_>, recording: usize, x: &m
         }
     }
     x[layout.chain()..2 * layout.chain()].fill(0.0);
+    x[layout.inputs()].fill(0.0);
     for i in 0..layout.joints() {
         if layout.is_elastic(i) {
             x[layout.thetad(i)] = 0.0;

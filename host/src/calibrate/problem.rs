@@ -274,6 +274,8 @@ impl<'m> Problem<'m> {
             row(InitialRow { residual: x[component] / sigma, gradient: [(component, 1.0 / sigma), (component, 0.0)] });
         };
         layout.passive().for_each(|i| about_zero(i, noise.windup));
+        // The first of a run has no step that leads to it.
+        layout.inputs().for_each(|i| about_zero(i, self.noise.process[i]));
         let recording = self.series.recording_of(k);
         let rest = &self.series.rest[recording];
         let at_rest = rest.start == k && rest.len() >= SHORTEST_REST;

@@ -10,14 +10,16 @@
 //! (Patterson and Thompson 1971; Gilmour, Thompson and Cullis 1995.) All of it comes from one elimination of extra columns: w_g as they are,
 //! and random signs on the rows of g, whose quadratic form is dof_g on average with as small an error as Σ r² has itself. The shared
 //! parameters stay where they are meanwhile, two dozen degrees of freedom of 10⁵. Contiguous windows of the recording are enough.
+//!
+//! Positions have no noise of their own: what a step misses is an acceleration, or the error of a measured input, and the position follows.
 
 use nalgebra::{DMatrix, DVector};
 
-use super::noise::{LEAST_SPEED, Noise};
+use super::noise::{self, LEAST_SPEED, Noise};
 use super::point::Point;
 use super::problem::Problem;
 use super::windows::Windows;
-use crate::robot::Robot;
+use crate::robot::{InputNoise, Robot};
 use solve::columns::{self, Entries, ExtraColumns};
 use solve::error::SolveError;
 use solve::factor::Factor;
@@ -193,6 +195,22 @@ pub(super) fn estimate<'m>(
     let channels = problem.series.channels.len();
     let mut rounds = 0;
     let mut last: Option<(DVector<f64>, DVector<f64>)> = None;
+    let layout = problem.model.layout();
+    let exact = noise::exact_steps(layout);
+    // States that a law brings have the noise of its physics; estimated, it would be a free disturbance.
+    let given = |component: usize| {
+        layout.own().contains(&component)
+            || exact.contains(&component)
+            || layout.inputs().contains(&component) && robot.input_noise() != InputNoise::Unknown
+    };
+    let bounded = |mut noise: Noise| {
+        for component in &exact {
+            noise.process[*component] = floor.process[*component];
+        }
+        noise.join_positions(layout, period_s, LEAST_SPEED);
+        noise
+    };
+    problem.set_noise(bounded(problem.noise().clone()));
     loop {
         rounds += 1;
         let grouped = Grouped::of(problem, &point, SAMPLES);
@@ -210,10 +228,12 @@ pub(super) fn estimate<'m>(
         let lowest: Vec<f64> = floor.channels.iter().chain(&floor.process).copied().collect();
         let present: Vec<f64> = problem.noise().channels.iter().chain(&problem.noise().process).copied().collect();
         let slope = DVector::from_fn(dof.len(), |g, _| 0.5 * (squares[g] - dof[g]));
-        // The noise of states that a law brings is its physics'; estimated, it would be a free disturbance.
-        let is_own = |g: usize| g >= channels && problem.model.layout().own().contains(&(g - channels));
         let free: Vec<usize> = (0..dof.len())
-            .filter(|&g| grouped.rows[g] > 0 && !is_own(g) && (present[g] > 1.001 * lowest[g] || slope[g] > 0.0))
+            .filter(|&g| {
+                grouped.rows[g] > 0
+                    && !(g >= channels && given(g - channels))
+                    && (present[g] > 1.001 * lowest[g] || slope[g] > 0.0)
+            })
             .collect();
         let newton = newton(&free, &slope, &(0.5 * information), &dof);
         let mut next = present.clone();
@@ -227,8 +247,7 @@ pub(super) fn estimate<'m>(
             gain += 0.5 * slope[g] * made[g];
         }
         last = Some((made, slope));
-        let mut noise = Noise { channels: next[..channels].to_vec(), process: next[channels..].to_vec() };
-        noise.join_positions(problem.model.layout(), period_s, LEAST_SPEED);
+        let noise = bounded(Noise { channels: next[..channels].to_vec(), process: next[channels..].to_vec() });
         tracing::debug!(rounds, gain, ?noise, "restricted maximum likelihood");
         problem.set_noise(noise);
         if gain < LEAST_GAIN || rounds == MOST_ROUNDS {

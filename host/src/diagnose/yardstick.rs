@@ -5,7 +5,7 @@
 //! count), and a step of the model may be wrong by a little that no robot is below. The same weights then judge the base model and every
 //! extended one. Looser ones would make scores too small: what is not the model's would pass for noise.
 
-use crate::calibrate::{Noise, Series};
+use crate::calibrate::{Noise, Series, of_inputs};
 use crate::model::Model;
 use crate::robot::Robot;
 
@@ -22,6 +22,8 @@ pub fn yardstick(robot: &Robot, series: &Series) -> Noise {
         channels: series.channels.iter().map(|channel| channel.sigma).collect(),
         process: vec![0.0; model.layout().size()],
     };
+    // An input that is a measurement errs by a share of its root mean square.
+    noise.process[model.layout().inputs()].copy_from_slice(&of_inputs(robot, model.layout(), series));
     let speed = STEP_OF_SPEED * (series.period_s / 1e-3).sqrt();
     noise.join_positions(model.layout(), series.period_s, speed);
     noise.allow_unmodelled(robot, model.layout());

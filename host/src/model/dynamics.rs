@@ -124,6 +124,11 @@ impl<'m> Dynamics<'m> {
         self.model.layout.size()
     }
 
+    /// Components of the state that are errors of measured inputs.
+    pub(super) fn input_errors(&self) -> std::ops::Range<usize> {
+        self.model.layout.inputs()
+    }
+
     /// Columns of [`Linear::slopes`]: state components, then coordinates.
     pub fn columns(&self) -> usize {
         self.size() + self.model.coordinates.len()

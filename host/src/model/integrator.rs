@@ -1,5 +1,6 @@
 //! One step of the dynamics with the input held, and its exact derivatives by the chain rule through the method's stages. States that only relax towards
-//! the others, as those of lagging gyros, go by their own solution (`relaxation`).
+//! the others, as those of lagging gyros, go by their own solution (`relaxation`). Errors of measured inputs are held over a step and expected to be nothing
+//! in the next: the noise is white.
 
 use serde::{Deserialize, Serialize};
 
@@ -91,6 +92,7 @@ impl Stepper {
         for relaxation in &self.relaxing {
             next[relaxation.state] = relaxation.next;
         }
+        next[dynamics.input_errors()].fill(0.0);
     }
 
     /// [`step`](Self::step) with derivatives by the state and the coordinates of the dynamics.
@@ -180,5 +182,8 @@ impl Stepper {
             out.next[relaxation.state] = relaxation.next;
             out.slopes[relaxation.state * columns..][..columns].copy_from_slice(row);
         }
+        let errors = dynamics.input_errors();
+        out.next[errors.clone()].fill(0.0);
+        out.slopes[errors.start * columns..errors.end * columns].fill(0.0);
     }
 }

@@ -41,8 +41,10 @@ pub(super) struct OfJoint {
     laws: Vec<(usize, usize, usize, Option<usize>)>,
     /// The coordinate of every local parameter.
     pub(super) parameters: Vec<usize>,
-    /// The state component of every local state.
+    /// The state component of every local state; that of the input's error, if there is one, stands last.
     pub(super) states: Vec<usize>,
+    /// Whether it is there.
+    pub(super) has_input_error: bool,
 }
 
 /// A gyro that lags behind its body.
@@ -68,6 +70,7 @@ impl Laws {
     ) -> Self {
         let mut laws = Laws::default();
         let (mut own_sigma, mut own_size) = (Vec::new(), Vec::new());
+        let errors: Vec<_> = (0..robot.joints.len()).map(|joint| layout.input(joint)).collect();
         let mut add_state = |sigma: f64, size: f64| {
             own_sigma.push(sigma);
             own_size.push(size);
@@ -101,6 +104,10 @@ impl Laws {
                 laws.supply = Some((index, first));
             }
         }
+        for (of, error) in laws.joints.iter_mut().zip(errors) {
+            of.states.extend(error);
+            of.has_input_error = error.is_some();
+        }
         let before = list.iter().enumerate().flat_map(|(i, law)| law.base_joints().iter().map(move |j| (i, *j)));
         let after = list.iter().enumerate().filter_map(|(i, law)| Some((i, law.structure()?.1)));
         let after = after.flat_map(|(i, joints)| joints.iter().map(move |j| (i, *j)));
@@ -117,8 +124,9 @@ impl Laws {
         &self.list
     }
 
+    /// Whether drives are those of the base law with inputs that are known.
     pub(super) fn is_empty(&self) -> bool {
-        self.list.is_empty()
+        self.list.is_empty() && !self.joints.iter().any(|joint| joint.has_input_error)
     }
 
     /// How many own states a law brings at joints and gyros. The states of laws follow one another as the laws do.
@@ -154,7 +162,7 @@ impl Laws {
         &self.joints[joint]
     }
 
-    /// The own states of the laws at a joint.
+    /// The states at a joint beyond its positions and speeds: of the laws, and the input's error.
     pub(super) fn own_states(&self, joint: usize) -> &[usize] {
         self.joints.get(joint).map_or(&[], |joint| &joint.states)
     }

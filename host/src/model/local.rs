@@ -1,7 +1,7 @@
 //! The derivatives of one drive with its laws, by the dozen local variables that it depends on.
 //!
 //! ```text
-//! lanes of joint i   | q q̇ θ θ̇ | seven coefficients | supply voltage | parameters of laws | own states of laws |
+//! lanes of joint i   | q q̇ θ θ̇ | seven coefficients | supply voltage | parameters of laws | own states of laws | error of the input |
 //! ```
 
 use super::Input;
@@ -75,7 +75,8 @@ impl Dynamics<'_> {
     /// The action of drive i at a state, its laws' own states' rates into `rates`.
     pub(super) fn act(&self, i: usize, x: &[f64], input: &Input<'_>, volts: f64, rates: &mut [f64]) -> Action<f64> {
         let ([q, qd, theta, thetad], c) = (self.sides(x, i), &self.coefficients[i]);
-        let sides = Sides { q, qd, theta, thetad, u: input.u[i] };
+        let error = self.model.layout.input(i).map_or(0.0, |error| x[error]);
+        let sides = Sides { q, qd, theta, thetad, u: input.u[i] + error };
         let (drive, transmission) = (&self.model.drives[i], self.model.transmissions[i]);
         if self.model.laws.is_empty() {
             return match transmission {
@@ -162,6 +163,9 @@ impl Dynamics<'_> {
         let count = of.parameters.len();
         for (local, state) in of.states.iter().enumerate() {
             own[count + local] = variable(x[*state], OWN + count + local);
+        }
+        if of.has_input_error {
+            u = u + own[count + of.states.len() - 1];
         }
         let (sides, coefficients) = self.variables(x, u, i);
         let (parameters, states) = own.split_at(count);

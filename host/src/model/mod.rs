@@ -6,6 +6,8 @@
 //! ```
 //!
 //! The state is x = (q, q̇, θ, θ̇), equation (8): q and q̇ of all n joints, θ and θ̇ of the elastic ones (a rigid joint has θ = q).
+//! Where the recorded input is a measurement, what it errs by is a state as well, held over a step and unknown anew in the next:
+//! the motor gets u + e. So its noise enters the equations where the input does, and is weighed in the input's unit.
 //! Effects extend it by their [`law`]s: passive joints, own states, other torques.
 //! Everything is on the link side of the gear, in SI. A [`Model`] knows a robot; [`Dynamics`] is a model at given
 //! parameters. Derivatives are exact: laws are written once over any scalar and run on dual numbers.
@@ -42,7 +44,7 @@ pub use sensor_laws::{GyroReading, PositionReading, SensorLaws};
 use std::sync::Arc;
 
 use crate::robot::chain::Chain;
-use crate::robot::{Robot, RobotError, Symbol, Transmission};
+use crate::robot::{InputNoise, Robot, RobotError, Symbol, Transmission};
 use drive::Drive;
 use law::Law;
 use laws::Laws;
@@ -104,6 +106,7 @@ impl Model {
         let transmissions: Vec<_> = robot.joints.iter().map(|joint| joint.transmission).collect();
         let first = laws.iter().map(|law| law.base_joints().len()).sum();
         let mut layout = Layout::of(&transmissions, first, chain.joints());
+        layout.inputs = if robot.input_noise() == InputNoise::None { 0 } else { robot.joints.len() };
         let last = robot.joints.len() - 1;
         // Sensors of the outermost body sit on its outer part.
         let bodies: Vec<usize> =
@@ -190,10 +193,10 @@ impl Model {
     }
 }
 
-/// Where the components of the state stand: (q, q̇) of the chain, (θ, θ̇) of elastic joints, states of the laws' own.
+/// Where the components of the state stand: (q, q̇) of the chain, (θ, θ̇) of elastic joints, errors of measured inputs, states of the laws' own.
 ///
 /// ```text
-/// | q: base | robot | structure | q̇ the same | θ of elastic joints | θ̇ | own |
+/// | q: base | robot | structure | q̇ the same | θ of elastic joints | θ̇ | errors of inputs | own |
 /// ```
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Layout {
@@ -204,6 +207,8 @@ pub struct Layout {
     /// For each joint of the robot, its place among the elastic ones.
     elastic: Vec<Option<usize>>,
     elastic_count: usize,
+    /// As many as joints where inputs are measurements, else none.
+    inputs: usize,
     own: usize,
 }
 
@@ -219,12 +224,12 @@ impl Layout {
                 })
             })
             .collect();
-        Layout { first, chain, elastic, elastic_count, own: 0 }
+        Layout { first, chain, elastic, elastic_count, inputs: 0, own: 0 }
     }
 
     /// Number of state components.
     pub fn size(&self) -> usize {
-        2 * (self.chain + self.elastic_count) + self.own
+        2 * (self.chain + self.elastic_count) + self.inputs + self.own
     }
 
     /// Number of the robot's joints n.
@@ -266,6 +271,17 @@ impl Layout {
     /// θ̇ of joint i (q̇ where it is rigid).
     pub fn thetad(&self, i: usize) -> usize {
         self.elastic[i].map_or(self.qd(i), |e| 2 * self.chain + self.elastic_count + e)
+    }
+
+    /// Errors of measured inputs, one a joint; none where inputs are commands.
+    pub fn inputs(&self) -> std::ops::Range<usize> {
+        let first = 2 * (self.chain + self.elastic_count);
+        first..first + self.inputs
+    }
+
+    /// The error of the input of joint i.
+    pub fn input(&self, i: usize) -> Option<usize> {
+        self.inputs().nth(i)
     }
 
     /// The laws' own states.

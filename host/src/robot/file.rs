@@ -32,6 +32,7 @@ pub(super) struct RobotFile {
 pub(super) struct InputTable {
     pub unit: InputUnit,
     pub supply_v: Option<f64>,
+    pub sigma: Option<f64>,
 }
 
 #[derive(Debug, Deserialize)]

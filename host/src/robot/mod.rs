@@ -198,6 +198,19 @@ pub enum InputUnit {
     Newton,
 }
 
+impl InputUnit {
+    /// The unit as results print it.
+    pub const fn symbol(self) -> &'static str {
+        match self {
+            InputUnit::Duty => "",
+            InputUnit::Volt => "V",
+            InputUnit::Ampere => "A",
+            InputUnit::NewtonMetre => "N m",
+            InputUnit::Newton => "N",
+        }
+    }
+}
+
 /// The input and what scales it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Input {
@@ -205,9 +218,44 @@ pub struct Input {
     pub unit: InputUnit,
     /// What one unit of u is in the unit of the torque constant: U_max in V for duty, 1 otherwise.
     pub scale: f64,
+    /// Noise of the recorded values.
+    pub noise: InputNoise,
+}
+
+/// Whether the recorded input is what drove the motor, or a measurement of it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum InputNoise {
+    /// What is recorded drove the motor: a command.
+    None,
+    /// A measurement with white noise of this standard deviation, in the input's unit.
+    Known(f64),
+    /// A measurement whose noise is estimated.
+    Unknown,
+}
+
+impl Input {
+    /// What the description means where it says nothing: a duty or a voltage is commanded, a current, a torque or a force is measured.
+    pub(crate) fn usual_noise(unit: InputUnit) -> InputNoise {
+        match unit {
+            InputUnit::Duty | InputUnit::Volt => InputNoise::None,
+            InputUnit::Ampere | InputUnit::NewtonMetre | InputUnit::Newton => InputNoise::Unknown,
+        }
+    }
 }
 
 impl Robot {
+    /// The noise of its recorded inputs. Where the file tells accelerations that no equation explains and no deviation of the input, they stand for it.
+    pub fn input_noise(&self) -> InputNoise {
+        let told = self.joints.iter().any(|joint| joint.unmodelled != Unmodelled::default());
+        if told && self.input.noise == InputNoise::Unknown { InputNoise::None } else { self.input.noise }
+    }
+
+    /// The same robot with inputs that are what drove it, as a prediction takes them.
+    pub fn with_exact_input(mut self) -> Self {
+        self.input.noise = InputNoise::None;
+        self
+    }
+
     /// Names of the built-in descriptions.
     pub fn builtin_names() -> impl Iterator<Item = &'static str> {
         BUILTIN.iter().map(|(name, _)| *name)

@@ -61,7 +61,7 @@ impl Fast {
         let revolute = chain.frames().all(|link| link.kind == JointKind::Revolute);
         let layout = model.layout();
         let sized = layout.joints() == JOINTS && matches!(chain.joints(), JOINTS | WITH_PAIR | WITH_PAIRS);
-        let own = layout.own().is_empty() && model.input_delay().is_none();
+        let own = layout.own().is_empty() && layout.inputs().is_empty() && model.input_delay().is_none();
         let covered = elastic && revolute && sized && own && !chain.has_coriolis() && model.is_plain();
         let (has_laws, is_coupled) = (model.laws.at_drives(), model.laws.supply.is_some());
         covered.then(|| Fast { links: Links::of(chain), first: layout.q(0), has_laws, is_coupled })

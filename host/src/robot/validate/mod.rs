@@ -10,8 +10,8 @@ use super::file::{
 };
 use super::vector::IDENTITY;
 use super::{
-    Body, Friction, Input, InputUnit, Joint, JointKind, Matrix3, Parameter, ParameterSpec, Robot, RobotError, Side,
-    Symbol, Transmission, Unmodelled,
+    Body, Friction, Input, InputNoise, InputUnit, Joint, JointKind, Matrix3, Parameter, ParameterSpec, Robot,
+    RobotError, Side, Symbol, Transmission, Unmodelled,
 };
 use checks::{by_kind, by_kind_with, finite, identifier, not_negative, positive, rotation, unit_vector, within};
 use sensors::{encoder_parameters, gyro_parameters, same_place, sensor};
@@ -208,7 +208,19 @@ fn input(table: &InputTable, joints: &[Joint]) -> Checked<Input> {
         let advice = format!("joint {} does not take this unit: newton_metre turns, newton slides", joint + 1);
         return Err(RobotError::invalid("input.unit", format!("{:?}", table.unit), advice));
     }
-    Ok(Input { unit: table.unit, scale })
+    let noise = match table.sigma {
+        None => Input::usual_noise(table.unit),
+        Some(0.0) => InputNoise::None,
+        Some(sigma) => {
+            positive(
+                "input.sigma",
+                sigma,
+                "give the standard deviation in the input's unit, or 0 where it is a command",
+            )?;
+            InputNoise::Known(sigma)
+        }
+    };
+    Ok(Input { unit: table.unit, scale, noise })
 }
 
 fn joint_parameters(file: &RobotFile, joints: &[Joint], unit: InputUnit) -> Checked<Vec<ParameterSpec>> {

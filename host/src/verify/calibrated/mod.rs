@@ -5,13 +5,16 @@ mod system;
 
 pub use system::CalibratedSystem;
 
+use std::sync::Arc;
+
 use nalgebra::{Matrix3, Vector3};
 
 use super::VerifyError;
 use crate::calibrate::{Calibration, Preset, Trial, extension};
 use crate::model::fast::{Fast, StepQuads};
+use crate::model::law::Law;
 use crate::model::rotation::boxplus;
-use crate::model::{Integrator, Linear, Model, SensorFrame, SensorLaws, StepSlopes, Stepper};
+use crate::model::{Integrator, Linear, Model, ModelError, SensorFrame, SensorLaws, StepSlopes, Stepper};
 use crate::robot::{Channel, ChannelKind, ParameterSpec, Robot, Symbol};
 
 /// A robot with values for all of its parameters.
@@ -30,6 +33,11 @@ pub struct CalibratedModel {
     sensor_laws: SensorLaws,
     /// The kernel that steps four states at once, where it covers the model.
     fast: Option<Fast>,
+}
+
+/// The model as it predicts: its inputs are what is recorded.
+fn predicting(robot: &Robot, laws: Vec<Arc<dyn Law>>) -> Result<Model, ModelError> {
+    Model::extended(&robot.clone().with_exact_input(), laws)
 }
 
 impl CalibratedModel {
@@ -51,7 +59,7 @@ impl CalibratedModel {
         };
         let laws = extension::laws_of(&robot, &calibration.extensions, value)?;
         let integrator = extension::integrator(&laws, calibration.preset);
-        let model = Model::extended(&robot, laws)?;
+        let model = predicting(&robot, laws)?;
         Self::of_model(robot, model, integrator, value)
     }
 
@@ -60,7 +68,7 @@ impl CalibratedModel {
     /// # Errors
     /// A model that cannot be built.
     pub fn of_trial(robot: &Robot, preset: Preset, trial: &Trial) -> Result<Self, VerifyError> {
-        let model = Model::extended(robot, trial.laws.clone())?;
+        let model = predicting(robot, trial.laws.clone())?;
         let value = |name: &str| trial.value(name).map(|value| value.estimate);
         let (rotations, biases) = trial.gyros();
         let integrator = extension::integrator(&trial.laws, preset);
@@ -81,7 +89,7 @@ impl CalibratedModel {
         integrator: Integrator,
         value: impl Fn(&str) -> Option<f64>,
     ) -> Result<Self, VerifyError> {
-        let model = Model::new(&robot);
+        let model = predicting(&robot, Vec::new())?;
         Self::of_model(robot, model, integrator, value)
     }
 
