@@ -15,6 +15,8 @@ pub mod calibrate;
 pub mod link;
 pub mod simulate;
 
+pub mod inverse_dynamics;
+
 pub mod effect;
 pub mod model;
 pub mod recording;

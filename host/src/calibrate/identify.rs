@@ -1,14 +1,14 @@
 //! What a motion cannot tell: directions of the shared unknowns about which the readings say less than the prior guess does.
 //!
 //! Judged is the information of noise-free predictions ([`NoiseFree`]): every row linearised along the model's own run, all states
-//! eliminated. In units of the prior guess — for a parameter of the dynamics ± 100 % of its start value — a direction whose 95 %
-//! interval reaches the guess's own bounds is not determined,
+//! eliminated. In units of the prior guess — for a parameter of the dynamics what makes all of the torque of its joint (`robot_scale`) — a direction whose
+//! 95 % interval reaches the guess's own bounds is not determined,
 //!
 //! ```text
 //! 1.96 / √(vᵀ D S D v) > 1        S: information of the physical parameters,  D: their prior sizes,  |v| = 1
 //! ```
 //!
-//! It is held at the start value, and every parameter that it would shift by more than half a standard error is given no number.
+//! It is held at the start value, or as near to it as its 95 % interval lets it, and every parameter that it would shift by more than half a standard error is given no number.
 //!
 //! Coulomb friction is a case of its own. Equation (12) lets a joint that sticks creep, and how fast it creeps shows μ to the last digit;
 //! but that is the sign function's smoothing, not friction. The search may use μ to explain the creeping; a number it is given only
@@ -137,16 +137,35 @@ pub(super) fn same(problem: &Problem<'_>, point: &Point<'_>, one: &[Held], other
 }
 
 /// `point` with its components along held directions as they are at `start`.
-pub(super) fn at_start<'m>(problem: &Problem<'m>, point: Point<'m>, start: &Point<'m>, held: &[Held]) -> Point<'m> {
+pub(super) fn at_start<'m>(
+    problem: &Problem<'m>,
+    point: Point<'m>,
+    start: &Point<'m>,
+    held: &[Held],
+    information: &[f64],
+) -> Point<'m> {
     if held.is_empty() {
         return point;
     }
+    // What is left of the way to the start where readings do not let the direction go all of it.
+    let left = {
+        let guess = Guess::new(problem, &point, information);
+        let axes = guess.orthonormal(held);
+        let scaled = guess.scaled(information, &[]);
+        let mut way = axes.transpose() * guess.in_units(&difference(problem.border(), start, &point));
+        for (way, axis) in way.iter_mut().zip(axes.column_iter()) {
+            let allowed = 1.96 / axis.dot(&(&scaled * axis)).max(0.0).sqrt();
+            *way -= way.clamp(-allowed, allowed);
+        }
+        way
+    };
     let (mut at, mut to) = (point.clone(), point);
     // The coordinates of the dynamics are not linear in the parameters: each round leaves the square of what it removes.
     for _ in 0..6 {
         let guess = Guess::new(problem, &at, &[]);
         let axes = guess.orthonormal(held);
-        let back = &axes * (axes.transpose() * guess.in_units(&difference(problem.border(), start, &at)));
+        let way = axes.transpose() * guess.in_units(&difference(problem.border(), start, &at));
+        let back = &axes * if way.len() == left.len() { way - &left } else { way };
         let border = guess.to_border(&back);
         let step = Step { states: vec![0.0; at.states.len()], border };
         problem.retract(&at, &step, &mut to);
@@ -212,13 +231,13 @@ impl Guess {
         let slopes = observability::physical_slopes(problem.model, &point.z, &border);
         let inverse = slopes.clone().try_inverse().unwrap_or_else(|| DMatrix::identity(m, m));
         let first_bias = border.bias(0, 0);
-        let starts: Vec<f64> = problem.model.coordinates().iter().map(|c| c.spec.value.start).collect();
+        let scale = problem.scale.sizes(problem.model, problem.series, point);
         let alone = |i: usize| match information.get(i * m + i) {
             Some(information) if *information > 0.0 => (LEAST_INFORMATION / (ALONE * information)).sqrt(),
             _ => 1.0,
         };
-        let size = DVector::from_fn(m, |i, _| match starts.get(i) {
-            Some(start) if *start != 0.0 => start.abs(),
+        let size = DVector::from_fn(m, |i, _| match scale.get(i) {
+            Some(size) if size.is_finite() => *size,
             Some(_) => alone(i),
             // Laws of effects have no guess of their own.
             None if i < border.dynamics => alone(i),

@@ -30,6 +30,7 @@ mod preset;
 mod problem;
 mod reml;
 mod result;
+mod robot_scale;
 mod row;
 mod row_plan;
 mod scores;
@@ -40,6 +41,7 @@ mod start;
 mod summary;
 #[cfg(test)]
 mod tests;
+mod torque_start;
 mod trial;
 mod trimmed;
 mod triple;

@@ -84,7 +84,7 @@ impl<'a, 'm: 'a> Part<'a, 'm> {
             return None;
         }
         let point = start::with_states(whole.model, whole.series, shared(&found.point));
-        Some(identify::at_start(whole, point, start, weak))
+        Some(identify::at_start(whole, point, start, weak, &found.information))
     }
 }
 

@@ -16,6 +16,7 @@ use nalgebra::Vector3;
 use super::noise::Noise;
 use super::point::{BorderLayout, Point};
 use super::preset::{Assumptions, GyroRows};
+use super::robot_scale::RobotScale;
 use super::row::{Depends, InitialRow, Row};
 use super::row_plan::{GyroRow, RowPlan};
 use super::series::Series;
@@ -33,6 +34,8 @@ pub struct Problem<'m> {
     pub(super) border: BorderLayout,
     /// Sensors grouped as rows are made.
     pub(super) rows: RowPlan,
+    /// What sizes of parameters follow from.
+    pub(super) scale: RobotScale,
     /// What rows are weighted by.
     pub(super) noise: Noise,
     /// 1/σ of each state component's step.
@@ -78,6 +81,7 @@ impl<'m> Problem<'m> {
             assumptions,
             border,
             rows,
+            scale: RobotScale::of(robot, model),
             noise: noise.clone(),
             process_weight: Vec::new(),
             late,

@@ -91,7 +91,7 @@ fn settle<'m>(
         };
         rounds += 1;
         let settled = rounds == MOST_ROUNDS || identify::same(problem, &solution.point, &found.weak, &weak);
-        from = identify::at_start(problem, solution.point.clone(), start, &found.weak);
+        from = identify::at_start(problem, solution.point.clone(), start, &found.weak, &found.information);
         if !found.weak.is_empty() && !total_cost(problem, &from, settings.threads).is_finite() {
             // Where the start values lie along what is held, there is no such robot beside what was found: it stays where it was found.
             from = solution.point.clone();

@@ -6,6 +6,7 @@ use nalgebra::Vector3;
 
 use super::point::Point;
 use super::series::Series;
+use super::torque_start;
 use crate::model::Model;
 use crate::robot::chain::MAX_JOINTS;
 use crate::robot::{ChannelKind, Robot};
@@ -30,9 +31,13 @@ const SPEED_PRIOR: f64 = 10.0;
 /// the sum of its speed and a driven joint's does not, and then it is the driven joint's.
 const PASSIVE_SPEED_PRIOR: f64 = 0.1;
 
-/// The start of the search: shared unknowns from the description.
+/// The start of the search: shared unknowns from torques where the robot is rigid, else from the description.
 pub(super) fn start<'m>(model: &'m Model, robot: &Robot, series: &Series) -> Point<'m> {
-    with_states(model, series, shared(model, robot, series))
+    let mut shared = shared(model, robot, series);
+    if let Some(z) = torque_start::coordinates(model, robot, series) {
+        shared.z = z;
+    }
+    with_states(model, series, shared)
 }
 
 /// The shared unknowns of the description; biases as the gyros read at rest.

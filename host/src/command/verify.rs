@@ -31,6 +31,9 @@ pub struct Args {
     /// With --metric torque: the recording on which the recipe finds its parameters, if not RUN itself
     #[arg(long, value_name = "RUN0")]
     identify_on: Option<PathBuf>,
+    /// With --metric torque: corner of the low-pass of positions, Hz; if it is not given, the lowest that takes away no more than their noise
+    #[arg(long, value_name = "HZ")]
+    corner: Option<f64>,
     #[command(flatten)]
     fitness: FitnessArgs,
     #[command(flatten)]
@@ -52,6 +55,12 @@ pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
         Metric::Prediction if args.identify_on.is_some() => {
             return Err(Failure::usage("--identify-on belongs to --metric torque"));
         }
+        Metric::Prediction if args.corner.is_some() => {
+            return Err(Failure::usage("--corner belongs to --metric torque"));
+        }
+        Metric::Torque if args.corner.is_some_and(|hz| !(hz > 0.0 && hz.is_finite())) => {
+            return Err(Failure::usage("--corner takes a positive number of Hz"));
+        }
         Metric::Torque if args.result.report.is_some() => {
             return Err(Failure::usage("--metric torque has no page; leave --report out"));
         }
@@ -66,7 +75,10 @@ pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
     }
     match args.metric {
         Metric::Prediction => predict(&calibration, &recording, outputs, ui)?,
-        Metric::Torque => compare_torques(&calibration, &recording, other.as_ref().unwrap_or(&recording), outputs, ui)?,
+        Metric::Torque => {
+            let identified_on = other.as_ref().unwrap_or(&recording);
+            compare_torques(&calibration, &recording, (identified_on, args.corner), outputs, ui)?;
+        }
     }
     Ok(Exit::Ok)
 }
@@ -83,12 +95,12 @@ fn predict(calibration: &Calibration, recording: &Recording, outputs: Outputs, u
 fn compare_torques(
     calibration: &Calibration,
     recording: &Recording,
-    identified_on: &Recording,
+    (identified_on, corner_hz): (&Recording, Option<f64>),
     outputs: Outputs,
     ui: &Ui,
 ) -> Result<(), Failure> {
     let progress = ui.busy("comparing torques");
-    let verified = verify::torque::verify(calibration, recording, identified_on).map_err(verify_failure)?;
+    let verified = verify::torque::verify(calibration, recording, identified_on, corner_hz).map_err(verify_failure)?;
     drop(progress);
     print_torques(ui, &verified);
     outputs.finish(ui, &verified, String::new)
@@ -101,6 +113,20 @@ fn print_torques(ui: &Ui, verified: &TorqueVerification) {
         let error = p.std_error.map_or_else(|| "–".to_string(), |error| format!("{error:.2e}"));
         ui.say(format_args!("{:<28}{:>14.4}{:>14.4}{error:>10}  {}", p.name, p.calibrated, p.identified, p.unit));
     }
+    for p in verified.parameters.iter().filter(|p| p.must_be_positive) {
+        for (found, by) in [(p.calibrated, "the calibration"), (p.identified, "the recipe")] {
+            if found <= 0.0 {
+                ui.warn(
+                    format_args!("{} of {by} is {found:.4} {}, which no robot has", p.name, p.unit),
+                    "the motion hardly shows it, or the input has another sign or scale",
+                );
+            }
+        }
+    }
+    ui.say(format_args!(
+        "positions filtered at {:.1} Hz, every {} samples compared",
+        verified.filter_hz, verified.decimation
+    ));
     for j in &verified.joints {
         ui.say(format_args!(
             "{}: {:.2} % of a torque of {:.4} {} unexplained by the calibrated parameters, {:.2} % by those of the recipe",

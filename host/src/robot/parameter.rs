@@ -166,7 +166,7 @@ impl Symbol {
     }
 
     /// Whether physics leaves its sign open.
-    pub(super) const fn has_either_sign(self) -> bool {
+    pub(crate) const fn has_either_sign(self) -> bool {
         matches!(self, Self::O | Self::J | Self::FirstMoment { .. } | Self::Zero | Self::ScaleError)
     }
 

@@ -1,0 +1,282 @@
+//! Torques of a rigid robot along filtered differences of its positions, and least squares of its parameters on them.
+//!
+//! ```text
+//! position ─▶ low-pass without phase ─▶ central differences: q̇, q̈ ─▶ torque that the motion needs ┐
+//! input ───────────────────────────────────────────────────────────▶ torque of the motor ──────────┴─▶ both filtered, every n-th sample
+//! ```
+//! The recipe of inverse dynamics identification (Gautier; Janot, Vandanjon, Gautier 2014): torques are linear in the parameters, so that the answer does
+//! not depend on where it starts. A calibration of a rigid robot starts from it, and `verify --metric torque` compares with it.
+//!
+//! The corner of the low-pass is chosen from the positions: the lowest one at which the filter takes away no more than their noise.
+
+mod lowpass;
+
+use nalgebra::{DMatrix, DVector};
+
+use crate::model::{Input, Model};
+use lowpass::Lowpass;
+
+/// Corners that are tried, as a share of the sampling frequency, the highest first.
+pub const HIGHEST_CORNER: f64 = 0.2;
+const LOWEST_CORNER: f64 = 0.002;
+const NEXT_CORNER: f64 = 0.8;
+/// What the filter takes away, mean square, over the noise: a corner below which more is lost than noise is too low. Halved, the highest corner is taken
+/// for every record; doubled, corners fall to the half and Coulomb friction is smeared over a third more of the samples.
+const LOST_OVER_NOISE: f64 = 1.2;
+/// Before samples are dropped torques are filtered at this share of what is then half the sampling frequency.
+const DECIMATION_SHARE: f64 = 0.8;
+/// Fewest torques that are kept of a run.
+const FEWEST_KEPT: usize = 200;
+/// Samples at the ends of a run that differences do not reach or filters have not settled in.
+const MARGIN: usize = 20;
+/// Shorter runs are left out.
+pub const SHORTEST_RUN: usize = 200;
+/// Torques are linear in the parameters of the base model; laws may need a few rounds.
+const ROUNDS: usize = 6;
+/// Directions of the parameters that show less than this share of the strongest one stay where they were.
+const LEAST_SHARE: f64 = 1e-9;
+
+/// Readings of a run without a gap: a column for each joint.
+#[derive(Debug, Clone, Default)]
+pub struct Readings {
+    /// rad or m.
+    pub positions: Vec<Vec<f64>>,
+    /// In the robot's input unit, as they act.
+    pub inputs: Vec<Vec<f64>>,
+    /// Since the start of the motion, s.
+    pub time_s: Vec<f64>,
+}
+
+/// A run: states, accelerations and inputs, `[k · joints + j]`.
+#[derive(Debug)]
+struct Run {
+    states: Vec<f64>,
+    accelerations: Vec<f64>,
+    inputs: Vec<f64>,
+    time_s: Vec<f64>,
+}
+
+/// A motion by filtered differences.
+#[derive(Debug)]
+pub struct Motion {
+    joints: usize,
+    runs: Vec<Run>,
+    /// Corner of the positions' filter over the sampling frequency.
+    corner: f64,
+    /// Of so many samples one is kept.
+    decimation: usize,
+}
+
+/// Parameters by least squares of torques.
+#[derive(Debug)]
+pub struct Identified {
+    /// Solver coordinates.
+    pub z: Vec<f64>,
+    /// Of these; zero for those that the torques do not show.
+    pub covariance: DMatrix<f64>,
+}
+
+/// The corner for these runs, over the sampling frequency: the highest that any joint wants.
+pub fn corner(runs: &[Readings]) -> f64 {
+    let joints = runs.first().map_or(0, |run| run.positions.len());
+    let wanted = (0..joints).map(|joint| {
+        let columns: Vec<&[f64]> = runs.iter().map(|run| &run.positions[joint][..]).collect();
+        corner_of(&columns)
+    });
+    wanted.fold(LOWEST_CORNER, f64::max)
+}
+
+/// The lowest corner whose filter takes no more than the noise of these columns.
+fn corner_of(columns: &[&[f64]]) -> f64 {
+    let noise = noise_variance(columns);
+    let mut found = HIGHEST_CORNER;
+    let mut corner = HIGHEST_CORNER;
+    while corner >= LOWEST_CORNER {
+        let filter = Lowpass::butterworth(corner);
+        let (mut lost, mut count) = (0.0, 0usize);
+        for column in columns {
+            let filtered = filter.zero_phase(column);
+            lost += filtered.iter().zip(*column).map(|(a, b)| (a - b) * (a - b)).sum::<f64>();
+            count += column.len();
+        }
+        if lost / count.max(1) as f64 > LOST_OVER_NOISE * noise {
+            break;
+        }
+        found = corner;
+        corner *= NEXT_CORNER;
+    }
+    found
+}
+
+/// Variance of white noise in columns: of their fourth differences, whose weights 1, −4, 6, −4, 1 make 70 of it.
+fn noise_variance(columns: &[&[f64]]) -> f64 {
+    let differences = columns.iter().flat_map(|column| column.windows(5));
+    let (sum, count) = differences.fold((0.0, 0usize), |(sum, count), w| {
+        (sum + (w[0] - 4.0 * w[1] + 6.0 * w[2] - 4.0 * w[3] + w[4]).powi(2), count + 1)
+    });
+    sum / (70.0 * count.max(1) as f64)
+}
+
+impl Motion {
+    /// The motion of these runs with positions filtered at `corner`, a share of the sampling frequency. None where no run is long enough.
+    pub fn of(readings: &[Readings], corner: f64) -> Option<Self> {
+        let filter = Lowpass::butterworth(corner);
+        let mut runs = Vec::new();
+        for of in readings.iter().filter(|of| of.time_s.len() >= SHORTEST_RUN) {
+            let (samples, time) = (of.time_s.len(), &of.time_s);
+            let filtered: Vec<Vec<f64>> = of.positions.iter().map(|column| filter.zero_phase(column)).collect();
+            let difference = |values: &[f64]| -> Vec<f64> {
+                let inner = (1..samples - 1).map(|k| (values[k + 1] - values[k - 1]) / (time[k + 1] - time[k - 1]));
+                std::iter::once(0.0).chain(inner).chain(std::iter::once(0.0)).collect()
+            };
+            let speeds: Vec<Vec<f64>> = filtered.iter().map(|column| difference(column)).collect();
+            let accelerations: Vec<Vec<f64>> = speeds.iter().map(|column| difference(column)).collect();
+            let inner = MARGIN..samples - MARGIN;
+            let by_sample = |columns: &[&[Vec<f64>]]| -> Vec<f64> {
+                inner.clone().flat_map(|k| columns.iter().flat_map(move |of| of.iter().map(move |c| c[k]))).collect()
+            };
+            runs.push(Run {
+                states: by_sample(&[&filtered, &speeds]),
+                accelerations: by_sample(&[&accelerations]),
+                inputs: by_sample(&[&of.inputs]),
+                time_s: time[inner.clone()].to_vec(),
+            });
+        }
+        let joints = readings.first()?.positions.len();
+        let longest = runs.iter().map(|run| run.time_s.len()).max()?;
+        let decimation = ((1.0 / corner).round() as usize).clamp(1, (longest / FEWEST_KEPT).max(1));
+        Some(Motion { joints, runs, corner, decimation })
+    }
+
+    /// Corner of the positions' filter over the sampling frequency.
+    pub fn corner(&self) -> f64 {
+        self.corner
+    }
+
+    /// Of so many samples one is kept.
+    pub fn decimation(&self) -> usize {
+        self.decimation
+    }
+
+    /// Kept samples of one joint.
+    pub fn rows(&self) -> usize {
+        self.runs.iter().map(|run| run.time_s.len().div_ceil(self.decimation)).sum()
+    }
+
+    /// What the motors' torques miss at `z`, filtered and decimated, joint by joint; without the motors' torque where `driven` is false. The model has no
+    /// elastic joints, no states of laws and no errors of inputs.
+    pub fn missing(&self, model: &Model, z: &[f64], driven: bool) -> Vec<Vec<f64>> {
+        let dynamics = model.at(z);
+        let n = self.joints;
+        let mut out = vec![Vec::with_capacity(self.rows()); n];
+        let nothing = vec![0.0; n];
+        let decimate =
+            (self.decimation > 1).then(|| Lowpass::chebyshev(0.5 * DECIMATION_SHARE / self.decimation as f64));
+        for run in &self.runs {
+            let mut columns = vec![Vec::with_capacity(run.time_s.len()); n];
+            let mut missing = vec![0.0; n];
+            for (k, &time_s) in run.time_s.iter().enumerate() {
+                let u = if driven { &run.inputs[k * n..(k + 1) * n] } else { &nothing };
+                let input = Input { u, by_delay: &[], time_s };
+                let accelerations = &run.accelerations[k * n..(k + 1) * n];
+                dynamics.missing_torque(&run.states[2 * k * n..2 * (k + 1) * n], input, accelerations, &mut missing);
+                columns.iter_mut().zip(&missing).for_each(|(column, missing)| column.push(*missing));
+            }
+            for (out, column) in out.iter_mut().zip(columns) {
+                match &decimate {
+                    Some(filter) => out.extend(filter.zero_phase(&column).into_iter().step_by(self.decimation)),
+                    None => out.extend(column),
+                }
+            }
+        }
+        out
+    }
+
+    /// Least squares of the torques from `z` on, joints weighted by what is left of theirs. What is `held` stays.
+    pub fn identify(&self, model: &Model, z: &[f64], held: &[usize]) -> Identified {
+        let unknowns = z.len();
+        let mut z = z.to_vec();
+        let mut covariance = DMatrix::zeros(unknowns, unknowns);
+        for _ in 0..ROUNDS {
+            let missing = self.missing(model, &z, true);
+            let weights: Vec<f64> =
+                missing.iter().map(|m| (m.len() as f64).sqrt() / norm(m).max(f64::MIN_POSITIVE)).collect();
+            let weighted = |columns: &[Vec<f64>]| -> Vec<f64> {
+                columns.iter().zip(&weights).flat_map(|(column, w)| column.iter().map(move |value| w * value)).collect()
+            };
+            let residual = DVector::from_vec(weighted(&missing));
+            let mut columns = DMatrix::zeros(residual.len(), unknowns);
+            let mut scale = vec![1.0; unknowns];
+            for i in (0..unknowns).filter(|i| !held.contains(i)) {
+                // The torques are linear in most of them: a large step loses no digits.
+                let by = 1e-2 * z[i].abs().max(1e-2);
+                let mut moved = z.clone();
+                moved[i] += by;
+                let column = (DVector::from_vec(weighted(&self.missing(model, &moved, true))) - &residual) / by;
+                scale[i] = column.norm().max(f64::MIN_POSITIVE);
+                columns.set_column(i, &(column / scale[i]));
+            }
+            let svd = columns.svd(true, true);
+            let least = LEAST_SHARE.sqrt() * svd.singular_values.max();
+            let Ok(step) = svd.solve(&residual, least) else { break };
+            let promised = step.norm() / residual.norm().max(f64::MIN_POSITIVE);
+            for (z, (step, scale)) in z.iter_mut().zip(step.iter().zip(&scale)) {
+                *z -= step / scale;
+            }
+            if let Some(v_t) = &svd.v_t {
+                let seen = svd.singular_values.map(|s| if s > least { 1.0 / (s * s) } else { 0.0 });
+                let inverse = v_t.transpose() * DMatrix::from_diagonal(&seen) * v_t;
+                covariance = DMatrix::from_fn(unknowns, unknowns, |i, j| inverse[(i, j)] / (scale[i] * scale[j]));
+            }
+            if promised < 1e-9 {
+                break;
+            }
+        }
+        Identified { z, covariance }
+    }
+}
+
+/// √ Σ x².
+pub fn norm(values: &[f64]) -> f64 {
+    values.iter().map(|value| value * value).sum::<f64>().sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A sweep from 0.2 to 3 Hz at 500 Hz, read with noise or in steps of 3 mrad.
+    fn sweep(reads: impl Fn(usize, f64) -> f64) -> Vec<f64> {
+        (0..10_000)
+            .map(|k| {
+                let t = 0.002 * k as f64;
+                reads(k, (std::f64::consts::TAU * (0.2 + 0.07 * t) * t).sin())
+            })
+            .collect()
+    }
+
+    /// Uniform between −½ and ½, by the place alone.
+    fn noise(k: usize) -> f64 {
+        let mixed = (k as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        ((mixed ^ (mixed >> 29)).wrapping_mul(0xbf58_476d_1ce4_e5b9) >> 11) as f64 / (1u64 << 53) as f64 - 0.5
+    }
+
+    #[test]
+    fn a_coarse_encoder_gets_a_lower_corner_than_a_fine_one() {
+        let coarse = corner_of(&[&sweep(|_, q| (q / 3e-3).round() * 3e-3)]);
+        let noisy = corner_of(&[&sweep(|k, q| q + 1e-2 * noise(k))]);
+        let fine = corner_of(&[&sweep(|k, q| q + 1e-6 * noise(k))]);
+        // The sweep ends at 3 Hz, 0.006 of the sampling frequency; two times that keeps it, and a tenth of it is well below half of it.
+        for corner in [coarse, noisy] {
+            assert!((0.007..0.06).contains(&corner), "coarse {coarse}, noisy {noisy}");
+        }
+        assert!(fine > coarse && fine > noisy, "fine {fine}, coarse {coarse}, noisy {noisy}");
+    }
+
+    #[test]
+    fn the_variance_of_white_noise_is_seen_under_a_motion() {
+        let found = noise_variance(&[&sweep(|k, q| q + 1e-2 * noise(k))]);
+        // Uniform over 1e-2: 1e-4/12. rtol 5 %: 10,000 samples, fourth differences overlap.
+        assert!((found / (1e-4 / 12.0) - 1.0).abs() < 0.05, "{found}");
+    }
+}
