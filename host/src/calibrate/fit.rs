@@ -111,8 +111,11 @@ pub fn fit(
     let clock = Instant::now();
     let start = start::start(&model, robot, screened.series());
     let task = Task { robot, recordings, method, begin, start: clock.elapsed(), settings, tight: None };
-    let problem = Problem::new(&model, robot, screened.series(), assumptions);
-    task.solve(problem, &screened, start, progress)
+    let mut problem = Problem::new(&model, robot, screened.series(), assumptions);
+    if let Some(sigma) = &start.input_noise {
+        problem.set_noise(problem.noise().clone().with_inputs(robot, model.layout(), sigma));
+    }
+    task.solve(problem, &screened, start.point, progress)
 }
 
 /// Calibrates the model of `from` extended by the effects of these ids, instead of those that `from` has, by the method of `from` and from

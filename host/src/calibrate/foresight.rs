@@ -42,7 +42,7 @@ pub fn foresee(robot: &Robot, recording: &Recording) -> Result<Foresight, Calibr
     let series = Series::of(robot, &[recording]);
     let problem = Problem::new(&model, robot, &series, Preset::Default.assumptions());
     let mut held = observability::structural(&model, robot, problem.border());
-    let start = start::start(&model, robot, &series);
+    let start = start::start(&model, robot, &series).point;
     let threads = Settings::default().threads;
     let judgement = identify::judge(&problem, robot, &start, &held, threads).map_err(CalibrateError::Solve)?;
     held.extend(judgement.weak);

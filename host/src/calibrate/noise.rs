@@ -33,9 +33,26 @@ impl Noise {
             channels: series.channels.iter().map(|channel| channel.sigma).collect(),
             process: by_component(model, assumptions.process.over(robot.sample_period_s)),
         };
-        noise.process[model.layout().inputs()].copy_from_slice(&of_inputs(robot, model.layout(), series));
+        let layout = model.layout();
+        noise.process[layout.inputs()].copy_from_slice(&of_inputs(robot, layout, series));
+        if !layout.inputs().is_empty() {
+            for component in exact_steps(layout) {
+                noise.process[component] = EXACT_SPEED;
+            }
+            noise.join_positions(layout, robot.sample_period_s, LEAST_SPEED);
+        }
         noise.allow_unmodelled(robot, model.layout());
         noise
+    }
+
+    /// The same with these standard deviations of inputs, where the robot file tells none.
+    pub(super) fn with_inputs(mut self, robot: &Robot, layout: &Layout, sigma: &[f64]) -> Self {
+        if robot.input_noise() == InputNoise::Unknown {
+            for (to, sigma) in self.process[layout.inputs()].iter_mut().zip(sigma).filter(|(_, sigma)| **sigma > 0.0) {
+                *to = *sigma;
+            }
+        }
+        self
     }
 
     /// Steps no better known than the robot file says: an acceleration from sample to sample moves a speed by itself times the period, and the
@@ -98,6 +115,8 @@ impl Noise {
             let input = problem.input(point, k, &mut late);
             stepper.step(&point.dynamics, point.state(k), input, duration_s, &mut whole);
             stepper.step(&point.dynamics, point.state(k), input, 0.5 * duration_s, &mut half);
+            // Errors of inputs last for the whole step.
+            half[layout.inputs()].copy_from_slice(&point.state(k)[layout.inputs()]);
             stepper.step(&point.dynamics, &half, input, 0.5 * duration_s, &mut halves);
             for (square, (a, b)) in squares.iter_mut().zip(whole.iter().zip(&halves)) {
                 *square += (a - b) * (a - b);
@@ -142,6 +161,9 @@ pub(super) fn exact_steps(layout: &Layout) -> Vec<usize> {
     let driven = joints.filter(|i| layout.input(*i).is_some()).map(|i| layout.thetad(i));
     positions.chain(driven).collect()
 }
+
+/// What such a step is taken to miss of a speed before the integrator's own error is known, rad/s or m/s.
+const EXACT_SPEED: f64 = 1e-5;
 
 /// Share of an input's root mean square that its error is taken for, before anything is known of it.
 const ASSUMED_OF_INPUT: f64 = 0.01;

@@ -31,13 +31,22 @@ const SPEED_PRIOR: f64 = 10.0;
 /// the sum of its speed and a driven joint's does not, and then it is the driven joint's.
 const PASSIVE_SPEED_PRIOR: f64 = 0.1;
 
-/// The start of the search: shared unknowns from torques where the robot is rigid, else from the description.
-pub(super) fn start<'m>(model: &'m Model, robot: &Robot, series: &Series) -> Point<'m> {
+/// The start of the search, and the noise of measured inputs where torques show it.
+pub(super) struct Start<'m> {
+    pub point: Point<'m>,
+    /// By joint, in the input's unit.
+    pub input_noise: Option<Vec<f64>>,
+}
+
+/// Shared unknowns from torques where the robot is rigid, else from the description.
+pub(super) fn start<'m>(model: &'m Model, robot: &Robot, series: &Series) -> Start<'m> {
     let mut shared = shared(model, robot, series);
-    if let Some(z) = torque_start::coordinates(model, robot, series) {
-        shared.z = z;
-    }
-    with_states(model, series, shared)
+    let by_torques = torque_start::of(model, robot, series);
+    let input_noise = by_torques.map(|start| {
+        shared.z = start.z;
+        start.left
+    });
+    Start { point: with_states(model, series, shared), input_noise }
 }
 
 /// The shared unknowns of the description; biases as the gyros read at rest.

@@ -23,7 +23,7 @@ fn robot() -> Robot {
 
 fn random_point<'m>(model: &'m Model, robot: &Robot, series: &Series, seed: u64) -> Point<'m> {
     let mut rng = StdRng::seed_from_u64(seed);
-    let mut point = start::start(model, robot, series);
+    let mut point = start::start(model, robot, series).point;
     for x in &mut point.states {
         *x += rng.random_range(-0.3..0.3);
     }

@@ -9,8 +9,16 @@ use crate::inverse_dynamics::{self, Motion, Readings, SHORTEST_RUN};
 use crate::model::Model;
 use crate::robot::{ChannelKind, Robot, Symbol};
 
-/// Solver coordinates for `model`, whose coordinates are those of the base model of `robot`; none where the method is not for this robot.
-pub(super) fn coordinates(model: &Model, robot: &Robot, series: &Series) -> Option<Vec<f64>> {
+/// What the torques show.
+pub(super) struct TorqueStart {
+    /// Solver coordinates of the base model.
+    pub z: Vec<f64>,
+    /// Root mean square of what is left of the torques, by joint, in the input's unit.
+    pub left: Vec<f64>,
+}
+
+/// The start for `model`, whose coordinates are those of the base model of `robot`; none where the method is not for this robot.
+pub(super) fn of(model: &Model, robot: &Robot, series: &Series) -> Option<TorqueStart> {
     let layout = model.layout();
     let is_rigid = (0..layout.joints()).all(|joint| !layout.is_elastic(joint)) && layout.passive().next().is_none();
     let unknown_torque = model.coordinates().iter().any(|c| matches!(c.spec.symbol, Symbol::KPwm | Symbol::KT));
@@ -35,8 +43,14 @@ pub(super) fn coordinates(model: &Model, robot: &Robot, series: &Series) -> Opti
             .filter(|i| !held.contains(i))
             .collect();
         if impossible.is_empty() {
-            tracing::debug!(corner = motion.corner(), ?z, "start from torques");
-            return Some(z);
+            let per_input = |joint: usize| {
+                let constant = [Symbol::KPwm, Symbol::KT].iter().find_map(|s| robot.joint_parameter(*s, joint));
+                robot.input.scale * constant.map_or(1.0, |spec| spec.value.start)
+            };
+            let left = motion.missing_rms(&exact, &z).into_iter().enumerate();
+            let left: Vec<f64> = left.map(|(joint, torque)| torque / per_input(joint).abs()).collect();
+            tracing::debug!(corner = motion.corner(), ?z, ?left, "start from torques");
+            return Some(TorqueStart { z, left });
         }
         held.extend(impossible);
     }

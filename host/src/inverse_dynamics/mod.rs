@@ -166,12 +166,21 @@ impl Motion {
     /// What the motors' torques miss at `z`, filtered and decimated, joint by joint; without the motors' torque where `driven` is false. The model has no
     /// elastic joints, no states of laws and no errors of inputs.
     pub fn missing(&self, model: &Model, z: &[f64], driven: bool) -> Vec<Vec<f64>> {
+        self.every(self.decimation, model, z, driven)
+    }
+
+    /// Root mean square of what the motors' torques miss at `z`, joint by joint, with all that inputs have of noise.
+    pub fn missing_rms(&self, model: &Model, z: &[f64]) -> Vec<f64> {
+        let rms = |missing: Vec<f64>| norm(&missing) / (missing.len().max(1) as f64).sqrt();
+        self.every(1, model, z, true).into_iter().map(rms).collect()
+    }
+
+    fn every(&self, decimation: usize, model: &Model, z: &[f64], driven: bool) -> Vec<Vec<f64>> {
         let dynamics = model.at(z);
         let n = self.joints;
         let mut out = vec![Vec::with_capacity(self.rows()); n];
         let nothing = vec![0.0; n];
-        let decimate =
-            (self.decimation > 1).then(|| Lowpass::chebyshev(0.5 * DECIMATION_SHARE / self.decimation as f64));
+        let decimate = (decimation > 1).then(|| Lowpass::chebyshev(0.5 * DECIMATION_SHARE / decimation as f64));
         for run in &self.runs {
             let mut columns = vec![Vec::with_capacity(run.time_s.len()); n];
             let mut missing = vec![0.0; n];
@@ -184,7 +193,7 @@ impl Motion {
             }
             for (out, column) in out.iter_mut().zip(columns) {
                 match &decimate {
-                    Some(filter) => out.extend(filter.zero_phase(&column).into_iter().step_by(self.decimation)),
+                    Some(filter) => out.extend(filter.zero_phase(&column).into_iter().step_by(decimation)),
                     None => out.extend(column),
                 }
             }

@@ -20,10 +20,14 @@ use super::relaxation::Relaxation;
 use super::sensor::SensorFrame;
 use super::{Input, Model};
 use crate::robot::chain::{Lanes, MAX_JOINTS};
+use crate::robot::{Friction, Side, Transmission};
 
 /// Derivatives of coefficients by coordinates are taken this many at a time.
 const LANES: usize = 8;
 type Duals = DualSVec64<LANES>;
+
+/// Parts of a step at most, each as dear as a whole one; friction that is steeper still is smeared.
+const MOST_PARTS: usize = 16;
 
 /// A model at given parameters.
 #[derive(Debug, Clone)]
@@ -36,6 +40,8 @@ pub struct Dynamics<'m> {
     pub(super) z: Vec<f64>,
     pub(super) passive: Vec<Passive>,
     links: WeightedLinks<'m>,
+    /// See [`Self::parts_of_step`].
+    friction_per_s: f64,
     pub(super) laws: Vec<Vec<JointLaw<'m>>>,
 }
 
@@ -86,7 +92,7 @@ struct Torques {
 impl<'m> Dynamics<'m> {
     pub(super) fn new(model: &'m Model, z: &[f64]) -> Self {
         let drives = || model.drives.iter().zip(&model.transmissions);
-        let coefficients = drives().map(|(drive, &t)| drive.coefficients(z, t)).collect();
+        let coefficients: Vec<_> = drives().map(|(drive, &t)| drive.coefficients(z, t)).collect();
         let mut slopes = vec![Vec::new(); model.drives.len()];
         for first in (0..z.len()).step_by(LANES) {
             let duals: Vec<Duals> = z.iter().enumerate().map(|(i, &z)| seeded(z, i.wrapping_sub(first))).collect();
@@ -107,6 +113,8 @@ impl<'m> Dynamics<'m> {
             damping: z[d].exp(),
             coordinates: [k, d],
         });
+        let links = model.links.at(z);
+        let friction_per_s = steepest_friction(model, &coefficients, &links);
         Dynamics {
             model,
             coefficients,
@@ -114,7 +122,8 @@ impl<'m> Dynamics<'m> {
             speed_of: model.layout.speed_of(),
             z: z.to_vec(),
             passive: passive.collect(),
-            links: model.links.at(z),
+            links,
+            friction_per_s,
             laws: model.laws.ready(),
         }
     }
@@ -122,6 +131,13 @@ impl<'m> Dynamics<'m> {
     /// Number of state components.
     pub fn size(&self) -> usize {
         self.model.layout.size()
+    }
+
+    /// Parts in which a step of this length is integrated: no part is longer than the time in which friction's smoothed sign would stop a joint at rest, up to
+    /// [`MOST_PARTS`]. A power of two, so that a search meets few changes of it.
+    pub(super) fn parts_of_step(&self, duration_s: f64) -> usize {
+        let parts = (self.friction_per_s * duration_s).min(MOST_PARTS as f64).ceil().max(1.0) as usize;
+        parts.next_power_of_two()
     }
 
     /// Components of the state that are errors of measured inputs.
@@ -403,6 +419,28 @@ impl Torques {
             self.rigid_inertia[link] = action.motor;
         }
     }
+}
+
+/// Largest rate at which friction's smoothed sign takes the speed of a joint near rest, κ μ / 2 over its inertia, 1/s.
+fn steepest_friction(model: &Model, coefficients: &[Coefficients<f64>], links: &WeightedLinks<'_>) -> f64 {
+    let m = model.layout.chain();
+    let mut mass = [0.0; MAX_JOINTS * MAX_JOINTS];
+    links.mass_matrix(&[0.0; MAX_JOINTS][..m], &mut mass[..m * m]);
+    let rate = |(i, c): (usize, &Coefficients<f64>)| {
+        let Friction::Coulomb { slope_s, acts, .. } = model.drives[i].friction else { return 0.0 };
+        let link = model.layout.q(i);
+        let link_inertia = mass[link * m + link];
+        let inertia = match (model.transmissions[i], acts) {
+            // An elastic drive's coefficients are divided by b.
+            (Transmission::Elastic, Side::Motor) => 1.0,
+            (Transmission::Elastic, Side::Link) => link_inertia * c.inertia,
+            (Transmission::Rigid, _) => link_inertia + c.inertia,
+        };
+        0.5 * slope_s * c.coulomb / inertia
+    };
+    let rates = coefficients.iter().enumerate().map(rate);
+    // A negative inertia or friction on the way of a search has no rate that means anything.
+    rates.filter(|rate| rate.is_finite()).fold(0.0, f64::max)
 }
 
 /// A dual number with a one in `lane` (none where the lane is out of range).

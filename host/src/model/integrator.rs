@@ -13,7 +13,7 @@ use super::{Dynamics, Input, Linear};
 pub enum Integrator {
     /// x + T f(x, u), equation (31): what the paper does. Damps springs by −k_s T.
     Euler,
-    /// The classical fourth-order Runge–Kutta method, one step a sample.
+    /// The classical fourth-order Runge–Kutta method: one step a sample, or more where friction is too steep for one.
     RungeKutta4,
 }
 
@@ -71,6 +71,28 @@ impl Stepper {
         next: &mut [f64],
     ) {
         let input = input.into();
+        let parts = self.parts(dynamics, duration_s);
+        if parts == 1 {
+            self.part(dynamics, x, input, duration_s, next);
+        } else {
+            let mut from = x.to_vec();
+            for _ in 0..parts {
+                self.part(dynamics, &from, input, duration_s / parts as f64, next);
+                from.copy_from_slice(next);
+            }
+        }
+        next[dynamics.input_errors()].fill(0.0);
+    }
+
+    /// Equal parts of a step.
+    fn parts(&self, dynamics: &Dynamics<'_>, duration_s: f64) -> usize {
+        match self.integrator {
+            Integrator::Euler => 1,
+            Integrator::RungeKutta4 => dynamics.parts_of_step(duration_s),
+        }
+    }
+
+    fn part(&mut self, dynamics: &Dynamics<'_>, x: &[f64], input: Input<'_>, duration_s: f64, next: &mut [f64]) {
         self.x.resize(x.len(), 0.0);
         self.k.clear();
         self.k.resize(x.len(), 0.0);
@@ -92,7 +114,6 @@ impl Stepper {
         for relaxation in &self.relaxing {
             next[relaxation.state] = relaxation.next;
         }
-        next[dynamics.input_errors()].fill(0.0);
     }
 
     /// [`step`](Self::step) with derivatives by the state and the coordinates of the dynamics.
@@ -105,6 +126,29 @@ impl Stepper {
         out: &mut StepSlopes,
     ) {
         let input = input.into();
+        let parts = self.parts(dynamics, duration_s);
+        self.part_slopes(dynamics, x, input, duration_s / parts as f64, out);
+        if parts > 1 {
+            let mut of_part = StepSlopes::default();
+            for _ in 1..parts {
+                let from = out.next.clone();
+                self.part_slopes(dynamics, &from, input, duration_s / parts as f64, &mut of_part);
+                out.continue_by(&of_part, dynamics.size(), dynamics.columns());
+            }
+        }
+        let (errors, columns) = (dynamics.input_errors(), dynamics.columns());
+        out.next[errors.clone()].fill(0.0);
+        out.slopes[errors.start * columns..errors.end * columns].fill(0.0);
+    }
+
+    fn part_slopes(
+        &mut self,
+        dynamics: &Dynamics<'_>,
+        x: &[f64],
+        input: Input<'_>,
+        duration_s: f64,
+        out: &mut StepSlopes,
+    ) {
         let (size, columns) = (dynamics.size(), dynamics.columns());
         self.x.resize(size, 0.0);
         self.k.clear();
@@ -182,8 +226,24 @@ impl Stepper {
             out.next[relaxation.state] = relaxation.next;
             out.slopes[relaxation.state * columns..][..columns].copy_from_slice(row);
         }
-        let errors = dynamics.input_errors();
-        out.next[errors.clone()].fill(0.0);
-        out.slopes[errors.start * columns..errors.end * columns].fill(0.0);
+    }
+}
+
+impl StepSlopes {
+    /// This step and then `other`: ∂φ₂(φ₁)/∂x = F₂ F₁, and ∂/∂z = F₂ G₁ + G₂.
+    fn continue_by(&mut self, other: &StepSlopes, size: usize, columns: usize) {
+        let mut slopes = vec![0.0; size * columns];
+        for (row, by) in slopes.chunks_exact_mut(columns).zip(other.slopes.chunks_exact(columns)) {
+            row[size..].copy_from_slice(&by[size..]);
+            for (slope, before) in by[..size].iter().zip(self.slopes.chunks_exact(columns)) {
+                if *slope != 0.0 {
+                    for (to, before) in row.iter_mut().zip(before) {
+                        *to += slope * before;
+                    }
+                }
+            }
+        }
+        self.slopes = slopes;
+        self.next.copy_from_slice(&other.next);
     }
 }
