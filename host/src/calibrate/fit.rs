@@ -38,6 +38,10 @@ const TRIED: f64 = 1e-2;
 /// Iterations in which states settle around shared unknowns that are nearly right.
 const SETTLING: usize = 3;
 
+/// Inner iterations of a search: where friction is steep states stand at bends of the model, and a step of all unknowns is rejected for a few of them.
+/// Kernels that make four stages at once have robots whose friction is not.
+const INNER_ITERATIONS: usize = 100;
+
 /// Searches at most that leave out what the one before found to be outliers.
 const MOST_SIFTINGS: usize = 3;
 
@@ -232,7 +236,9 @@ impl Task<'_> {
         start: Point<'m>,
         mut progress: impl FnMut(usize, &Iteration),
     ) -> Result<Fit, CalibrateError> {
-        let Task { robot, settings, .. } = *self;
+        let Task { robot, .. } = *self;
+        let inner_iterations = if problem.fast.is_some() { 0 } else { INNER_ITERATIONS };
+        let settings = &Settings { inner_iterations, ..self.settings.clone() };
         let model = problem.model;
         let structural = observability::structural(model, robot, problem.border());
         let estimated = self.method.noise == NoiseSource::Estimated;

@@ -134,6 +134,14 @@ impl Noise {
         floor
     }
 
+    /// Speeds on which measured inputs act as exact as the model makes them: what is missed is the input's error.
+    pub(crate) fn exact_where_inputs_err(&mut self, layout: &Layout, period_s: f64) {
+        for joint in (0..layout.joints()).filter(|joint| layout.input(*joint).is_some()) {
+            self.process[layout.thetad(joint)] = LEAST_SPEED;
+            self.process[layout.theta(joint)] = POSITION_PER_SPEED * period_s * LEAST_SPEED;
+        }
+    }
+
     /// Speeds no better known than `least_speed`, positions no better than their speeds allow.
     pub(crate) fn join_positions(&mut self, layout: &Layout, period_s: f64, least_speed: f64) {
         let mut join = |position: usize, speed: usize| {

@@ -157,7 +157,7 @@ fn places(base: &Layout, extended: &Layout) -> Vec<usize> {
         places[from] = to;
         places[base.chain() + from] = extended.chain() + to;
     }
-    for (from, to) in base.own().zip(extended.own()) {
+    for (from, to) in base.inputs().zip(extended.inputs()).chain(base.own().zip(extended.own())) {
         places[from] = to;
     }
     places

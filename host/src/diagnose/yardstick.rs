@@ -26,6 +26,7 @@ pub fn yardstick(robot: &Robot, series: &Series) -> Noise {
     noise.process[model.layout().inputs()].copy_from_slice(&of_inputs(robot, model.layout(), series));
     let speed = STEP_OF_SPEED * (series.period_s / 1e-3).sqrt();
     noise.join_positions(model.layout(), series.period_s, speed);
+    noise.exact_where_inputs_err(model.layout(), series.period_s);
     noise.allow_unmodelled(robot, model.layout());
     for (channel, sigma) in noise.channels.iter_mut().enumerate() {
         for rest in &series.rest {
