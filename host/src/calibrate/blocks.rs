@@ -97,15 +97,15 @@ pub struct BlockScores {
 }
 
 /// What is kept of the sums of one block.
-struct Taken {
+pub(super) struct Taken {
     squares: f64,
-    shared: DMatrix<f64>,
-    shared_gradient: DVector<f64>,
+    pub(super) shared: DMatrix<f64>,
+    pub(super) shared_gradient: DVector<f64>,
     laws: Vec<Option<LawBlock>>,
 }
 
 /// No columns but the Jacobian's own.
-struct NoColumns;
+pub(super) struct NoColumns;
 
 impl<'m> ExtraColumns<Problem<'m>> for NoColumns {
     type Scratch = ();
@@ -320,7 +320,7 @@ impl Totals {
     }
 }
 
-fn taken(sums: &BlockSums<'_>, free: &DMatrix<f64>, columns: &[Option<Range<usize>>]) -> Taken {
+pub(super) fn taken(sums: &BlockSums<'_>, free: &DMatrix<f64>, columns: &[Option<Range<usize>>]) -> Taken {
     let m = sums.shared();
     let of_law = |columns: &Range<usize>| LawBlock {
         coupling: free.transpose() * DMatrix::from_fn(m, columns.len(), |i, j| sums.coupling(i, columns.start + j)),

@@ -15,12 +15,12 @@ use super::point::Point;
 use super::preset::{Method, NoiseSource, Preset};
 use super::problem::Problem;
 use super::reml::{self, Residue};
-use super::result::{Calibration, Seconds, Status};
+use super::result::{BlockScatter, Calibration, Seconds, Status};
 use super::search::{self, Found};
 use super::series::Series;
 use super::trial::Trial;
 use super::trimmed::Trimmed;
-use super::{CalibrateError, check, extension, marginal, observability, start, summary};
+use super::{CalibrateError, check, extension, marginal, misfit, observability, scatter, start, summary};
 use crate::effect::Effect;
 use crate::model::{Layout, Model};
 use crate::recording::Recording;
@@ -290,17 +290,28 @@ impl Task<'_> {
             found.silent.extend(by_noise.silent);
             wider = by_noise.wider;
         }
-        let Found { mut solution, held, silent, .. } = found;
+        let mut scatter = None;
+        if self.method.preset != Preset::Paper {
+            let directions: Vec<_> = found.held.iter().map(|held| held.direction.clone()).collect();
+            scatter = scatter::between_blocks(&problem, robot, &found.solution.point, &directions, settings.threads);
+        }
+        for (unknown, factor) in scatter.iter().flat_map(|scatter| &scatter.wider) {
+            match wider.iter_mut().find(|(known, _)| known == unknown) {
+                Some((_, known)) => *known = f64::max(*known, *factor),
+                None => wider.push((*unknown, *factor)),
+            }
+        }
 
-        observability::without_held_turns(&mut solution.point.rotations, robot, problem.border(), &held);
+        observability::without_held_turns(&mut found.solution.point.rotations, robot, problem.border(), &found.held);
+        let Found { solution, held, silent, .. } = &found;
         let directions: Vec<_> = held.iter().map(|held| held.direction.clone()).collect();
         let border = Border::new(&solution.information, &solution.gradient, &directions);
         let mut calibration = summary::summarise(
             robot,
             &problem,
-            (&start, &solution),
+            (&start, solution),
             &border,
-            (&held, &silent, &wider),
+            (held, silent, &wider),
             &residue,
             settings.threads,
         );
@@ -313,6 +324,15 @@ impl Task<'_> {
         if held.len() + silent.len() > structural.len() && calibration.status == Status::Converged {
             calibration.status = Status::Unidentifiable;
         }
+        calibration.scatter = scatter.map(|scatter| BlockScatter {
+            blocks: scatter.blocks,
+            ratio: scatter.ratio,
+            coloured: !scatter.wider.is_empty(),
+        });
+        calibration.misfit = misfit::sentences(&problem, &found, &calibration);
+        if !calibration.misfit.is_empty() && calibration.status.is_usable() {
+            calibration.status = Status::DoesNotFit;
+        }
         calibration.seconds = Seconds {
             start: self.start.as_secs_f64(),
             noise: noise_clock.as_secs_f64(),
@@ -322,6 +342,6 @@ impl Task<'_> {
             total: self.begin.elapsed().as_secs_f64(),
         };
         let (noise, layout) = (problem.noise().clone(), model.layout().clone());
-        Ok(Fit { calibration, noise, series: problem.series.clone(), states: solution.point.states, layout })
+        Ok(Fit { calibration, noise, series: problem.series.clone(), states: found.solution.point.states, layout })
     }
 }

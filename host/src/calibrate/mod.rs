@@ -18,6 +18,7 @@ pub mod foresight;
 mod identify;
 mod law_rows;
 mod marginal;
+mod misfit;
 mod noise;
 mod noise_free;
 mod observability;
@@ -33,6 +34,7 @@ mod result;
 mod robot_scale;
 mod row;
 mod row_plan;
+mod scatter;
 mod scores;
 mod search;
 mod series;
@@ -59,7 +61,8 @@ pub use point::{BorderLayout, Point};
 pub use preset::{Assumptions, GyroRows, InitialNoise, Method, NoiseSource, Preset, ProcessNoise};
 pub use problem::Problem;
 pub use result::{
-    Calibration, ChannelFit, ChannelNoise, Correlation, Covariance, ParameterEstimate, RecordingUsed, Seconds, Status,
+    BlockScatter, Calibration, ChannelFit, ChannelNoise, Correlation, Covariance, ParameterEstimate, RecordingUsed,
+    Seconds, Status,
 };
 pub use series::Series;
 pub use trial::{JointState, Trial, TrialValue};

@@ -19,6 +19,8 @@ pub enum Status {
     IterationLimit,
     /// Converged, but the motion does not determine some parameters; see `unobservable`.
     Unidentifiable,
+    /// Converged, but not to a robot that these recordings are of; see `misfit`.
+    DoesNotFit,
 }
 
 impl Status {
@@ -70,8 +72,25 @@ pub struct Calibration {
     pub noise: Vec<ChannelNoise>,
     /// How well the smoothed states fit each channel.
     pub fit: Vec<ChannelFit>,
+    /// What does not fit, in sentences.
+    #[serde(default)]
+    pub misfit: Vec<String>,
+    /// How residuals scatter between blocks of time; none where there are too few blocks.
+    #[serde(default)]
+    pub scatter: Option<BlockScatter>,
     /// The estimated first state of each recording, in the order (q, q̇, θ, θ̇): x₀ of the paper's section 5.2.
     pub first_states: Vec<Vec<f64>>,
+}
+
+/// How residuals scatter between blocks of time.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct BlockScatter {
+    /// Blocks.
+    pub blocks: usize,
+    /// Variance of the blocks' scores over that of white residuals, mean over all parameters.
+    pub ratio: f64,
+    /// Whether it is more than white residuals have: standard errors are then those of the scatter.
+    pub coloured: bool,
 }
 
 /// A recording that went into a calibration.

@@ -161,6 +161,8 @@ pub(super) fn summarise<'m>(
         rotations,
         noise,
         fit,
+        misfit: Vec::new(),
+        scatter: None,
         first_states: problem.series.recordings.iter().map(|range| end.state(range.start).to_vec()).collect(),
     }
 }

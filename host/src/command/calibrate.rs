@@ -72,7 +72,12 @@ pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
         page.push(report::calibration::paper_beside_default(&default, &calibration, robot.sample_period_s));
     }
     outputs.finish(ui, &calibration, || page.to_html())?;
-    Ok(if calibration.status.is_usable() { Exit::Ok } else { Exit::NoConvergence })
+    Ok(match calibration.status {
+        Status::DoesNotFit if args.fitness.unchecked => Exit::Ok,
+        Status::DoesNotFit => Exit::Data,
+        status if status.is_usable() => Exit::Ok,
+        _ => Exit::NoConvergence,
+    })
 }
 
 /// Calibrates with a progress line.
@@ -130,8 +135,11 @@ pub(super) fn calibrate_failure(error: CalibrateError) -> Failure {
     }
 }
 
-/// The parameters as a table for people.
+/// What does not fit, and the parameters as a table for people.
 pub(super) fn print_table(ui: &Ui, calibration: &Calibration) {
+    if !calibration.misfit.is_empty() {
+        ui.say(format_args!("does not fit: {}", calibration.misfit.join("; ")));
+    }
     ui.say(format_args!("{:<12} {:>12} {:>14} {:>12}  unit", "parameter", "initial", "estimate", "± error"));
     for p in &calibration.parameters {
         let error = p.std_error.map_or("not shown".to_string(), |error| format!("{error:.2e}"));
@@ -151,7 +159,15 @@ pub(super) fn print_table(ui: &Ui, calibration: &Calibration) {
         Status::NoProgress => "no progress: the estimates are not a minimum",
         Status::IterationLimit => "iteration limit reached: the estimates are not a minimum",
         Status::Unidentifiable => "converged; some parameters cannot be told from this motion",
+        Status::DoesNotFit => "converged, but the model does not fit",
     };
+    if let Some(scatter) = calibration.scatter.filter(|scatter| scatter.coloured) {
+        ui.say(format_args!(
+            "what the model leaves is no white noise (between {} blocks of time it scatters {:.1} times as much): errors are those of the scatter",
+            scatter.blocks,
+            scatter.ratio.sqrt()
+        ));
+    }
     ui.say(format_args!(
         "{status} after {} iterations in {:.1} s, cost {:.6e} at {:.3e} degrees of freedom",
         calibration.iterations, calibration.seconds.total, calibration.cost, calibration.dof

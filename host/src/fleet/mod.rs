@@ -107,7 +107,9 @@ impl Fleet {
             let entry = Entry::new(&path, &calibration, by);
             let kind = (entry.group.clone(), kind(&calibration));
             let twice = calibration.recordings.iter().find(|used| seen.contains(&(kind.clone(), used.sha256.clone())));
-            if !calibration.status.is_usable() {
+            if calibration.status == Status::DoesNotFit {
+                fleet.left_out.push(leave_out(format!("the model does not fit: {}", calibration.misfit.join("; "))));
+            } else if !calibration.status.is_usable() {
                 fleet.left_out.push(leave_out("the calibration did not converge".to_owned()));
             } else if let Some(used) = twice {
                 let reason = format!("its recording {} went into another calibration already", used.path);

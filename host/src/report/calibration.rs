@@ -38,6 +38,7 @@ fn verdict(calibration: &Calibration) -> String {
             "The calibration converged, but this motion does not show every parameter: {count} of {all} are determined, \
              the rest is listed below."
         ),
+        Status::DoesNotFit => format!("The model does not fit: {}.", calibration.misfit.join("; ")),
         Status::NoProgress => "The calibration got stuck: the numbers below are no minimum. Do not use them.".into(),
         Status::IterationLimit => {
             "The calibration used up its iterations: the numbers below are no minimum. Do not use them.".into()
@@ -252,6 +253,7 @@ pub fn paper_beside_default(default: &Calibration, paper: &Calibration, period_s
         match paper.status {
             Status::Converged | Status::Unidentifiable => "converged",
             Status::Almost => "almost converged",
+            Status::DoesNotFit => "without a fit",
             Status::NoProgress | Status::IterationLimit => "without convergence",
         },
         paper.iterations
