@@ -7,7 +7,7 @@ use crate::calibrate::Calibration;
 use crate::recording::{self, Recording};
 use crate::report;
 use crate::verify::torque::TorqueVerification;
-use crate::verify::{self, Verification, VerifyError};
+use crate::verify::{self, Fit, Verification, VerifyError};
 
 /// Predict a recording by a calibrated model
 ///
@@ -74,7 +74,12 @@ pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
         args.fitness.look(recording, recording.source.path.display(), ui)?;
     }
     match args.metric {
-        Metric::Prediction => predict(&calibration, &recording, outputs, ui)?,
+        Metric::Prediction => {
+            let fit = predict(&calibration, &recording, outputs, ui)?;
+            if fit == Fit::DoesNotFit && !args.fitness.unchecked {
+                return Ok(Exit::Data);
+            }
+        }
         Metric::Torque => {
             let identified_on = other.as_ref().unwrap_or(&recording);
             compare_torques(&calibration, &recording, (identified_on, args.corner), outputs, ui)?;
@@ -83,13 +88,14 @@ pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
     Ok(Exit::Ok)
 }
 
-fn predict(calibration: &Calibration, recording: &Recording, outputs: Outputs, ui: &Ui) -> Result<(), Failure> {
+fn predict(calibration: &Calibration, recording: &Recording, outputs: Outputs, ui: &Ui) -> Result<Fit, Failure> {
     let progress = ui.busy("reading");
     let (verification, traces) =
         verify::verify(calibration, recording, |step| progress.stage(step)).map_err(verify_failure)?;
     drop(progress);
     print_table(ui, &verification);
-    outputs.finish(ui, &verification, || report::verification::page(&verification, recording, &traces).to_html())
+    outputs.finish(ui, &verification, || report::verification::page(&verification, recording, &traces).to_html())?;
+    Ok(verification.status)
 }
 
 fn compare_torques(
@@ -173,6 +179,9 @@ fn cell(rmse_sigma: f64) -> String {
 
 /// The horizons as a table for people: RMSE in sigmas of each sensor.
 pub(super) fn print_table(ui: &Ui, verification: &Verification) {
+    if verification.status == Fit::DoesNotFit {
+        ui.say(format_args!("does not fit: {}", verification.misfit.join("; ")));
+    }
     let head: Vec<String> = verification.horizons.iter().map(|h| format!("{:>8.0} ms", h.horizon_s * 1e3)).collect();
     ui.say(format_args!("{:<18}{}   RMSE in sigmas of the sensor", "channel", head.join("")));
     let channels = verification.horizons.first().map_or(&[][..], |h| &h.channels);

@@ -36,6 +36,10 @@ pub struct Stepper {
     /// Derivatives of the stage's state and of its slope k.
     dx: Vec<f64>,
     dk: Vec<f64>,
+    /// Where a part of a step begins, what it has of derivatives, and their product with those before.
+    from: Vec<f64>,
+    of_part: StepSlopes,
+    product: Vec<f64>,
     /// States that relax, and the rows of their derivatives.
     relaxing: Vec<Relaxation>,
     relaxed: Vec<f64>,
@@ -57,8 +61,19 @@ impl Integrator {
 impl Stepper {
     /// Scratch space for `integrator`.
     pub fn new(integrator: Integrator) -> Self {
-        let linear = Linear::default();
-        Stepper { integrator, linear, x: vec![], k: vec![], dx: vec![], dk: vec![], relaxing: vec![], relaxed: vec![] }
+        Stepper {
+            integrator,
+            linear: Linear::default(),
+            x: Vec::new(),
+            k: Vec::new(),
+            dx: Vec::new(),
+            dk: Vec::new(),
+            from: Vec::new(),
+            of_part: StepSlopes::default(),
+            product: Vec::new(),
+            relaxing: Vec::new(),
+            relaxed: Vec::new(),
+        }
     }
 
     /// The state `duration_s` after `x` with the input `u` held, into `next`.
@@ -75,11 +90,14 @@ impl Stepper {
         if parts == 1 {
             self.part(dynamics, x, input, duration_s, next);
         } else {
-            let mut from = x.to_vec();
+            let mut from = std::mem::take(&mut self.from);
+            from.clear();
+            from.extend_from_slice(x);
             for _ in 0..parts {
                 self.part(dynamics, &from, input, duration_s / parts as f64, next);
                 from.copy_from_slice(next);
             }
+            self.from = from;
         }
         next[dynamics.input_errors()].fill(0.0);
     }
@@ -129,12 +147,13 @@ impl Stepper {
         let parts = self.parts(dynamics, duration_s);
         self.part_slopes(dynamics, x, input, duration_s / parts as f64, out);
         if parts > 1 {
-            let mut of_part = StepSlopes::default();
+            let (mut of_part, mut from) = (std::mem::take(&mut self.of_part), std::mem::take(&mut self.from));
             for _ in 1..parts {
-                let from = out.next.clone();
+                from.clone_from(&out.next);
                 self.part_slopes(dynamics, &from, input, duration_s / parts as f64, &mut of_part);
-                out.continue_by(&of_part, dynamics.size(), dynamics.columns());
+                out.continue_by(&of_part, &mut self.product, (dynamics.size(), dynamics.columns()));
             }
+            (self.of_part, self.from) = (of_part, from);
         }
         let (errors, columns) = (dynamics.input_errors(), dynamics.columns());
         out.next[errors.clone()].fill(0.0);
@@ -231,9 +250,10 @@ impl Stepper {
 
 impl StepSlopes {
     /// This step and then `other`: ∂φ₂(φ₁)/∂x = F₂ F₁, and ∂/∂z = F₂ G₁ + G₂.
-    fn continue_by(&mut self, other: &StepSlopes, size: usize, columns: usize) {
-        let mut slopes = vec![0.0; size * columns];
-        for (row, by) in slopes.chunks_exact_mut(columns).zip(other.slopes.chunks_exact(columns)) {
+    fn continue_by(&mut self, other: &StepSlopes, product: &mut Vec<f64>, (size, columns): (usize, usize)) {
+        product.clear();
+        product.resize(size * columns, 0.0);
+        for (row, by) in product.chunks_exact_mut(columns).zip(other.slopes.chunks_exact(columns)) {
             row[size..].copy_from_slice(&by[size..]);
             for (slope, before) in by[..size].iter().zip(self.slopes.chunks_exact(columns)) {
                 if *slope != 0.0 {
@@ -243,7 +263,7 @@ impl StepSlopes {
                 }
             }
         }
-        self.slopes = slopes;
+        std::mem::swap(&mut self.slopes, product);
         self.next.copy_from_slice(&other.next);
     }
 }

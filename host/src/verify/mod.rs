@@ -35,7 +35,7 @@ mod tests;
 pub use calibrated::CalibratedModel;
 pub use metrics::ChannelError;
 pub use result::{
-    FilterResult, FirstState, FreeRunResult, HorizonResult, RecordingVerified, StageResult, Verification,
+    FilterResult, FirstState, Fit, FreeRunResult, HorizonResult, RecordingVerified, StageResult, Verification,
 };
 pub use traces::Traces;
 pub use window::Windows;
@@ -155,7 +155,7 @@ pub fn predict(
     let stages = stages(model, recording, &columns);
 
     let channel_errors = |samples: Range<usize>| errors(recording, &run, samples);
-    let verification = Verification {
+    let mut verification = Verification {
         robot: model.robot().name.clone(),
         preset: crate::calibrate::Preset::Default,
         extensions: Vec::new(),
@@ -200,7 +200,10 @@ pub fn predict(
                 channels: of_channels(recording, &windows.sums),
             })
             .collect(),
+        status: Fit::Fits,
+        misfit: Vec::new(),
     };
+    verification.judge();
     let traces = Traces::new(model, recording, t_s, run, stages);
     Ok((verification, traces))
 }

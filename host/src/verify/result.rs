@@ -25,6 +25,36 @@ pub struct Verification {
     pub filter: FilterResult,
     /// Windowed predictions, by horizon.
     pub horizons: Vec<HorizonResult>,
+    /// Whether the model predicts this motion at all.
+    #[serde(default)]
+    pub status: Fit,
+    /// What it does not predict, in sentences.
+    #[serde(default)]
+    pub misfit: Vec<String>,
+}
+
+/// Whether a model predicts a motion.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Fit {
+    /// Every channel better than its own mean does, half a second ahead and less.
+    #[default]
+    Fits,
+    /// Not so.
+    DoesNotFit,
+}
+
+/// Horizons up to here have to be predicted, s: so far ahead a controller looks.
+const HAS_TO_PREDICT_S: f64 = 0.5;
+/// A channel that varies by less than so many standard deviations of its sensor tells nothing of a model.
+const VARIES_SIGMA: f64 = 10.0;
+
+impl ChannelError {
+    /// Whether the model predicts a channel that varies no better than its mean does.
+    fn is_missed(&self) -> bool {
+        let spread_sigma = self.rmse_sigma / self.nrmse;
+        self.count > 0 && (!self.rmse.is_finite() || self.nrmse >= 1.0 && spread_sigma >= VARIES_SIGMA)
+    }
 }
 
 /// The recording that was predicted.
@@ -119,6 +149,25 @@ pub struct HorizonResult {
 }
 
 impl Verification {
+    /// Sets the status by the channels whose mean is as good a prediction as the model's.
+    pub(super) fn judge(&mut self) {
+        let horizons = self.horizons.iter().filter(|horizon| horizon.horizon_s <= HAS_TO_PREDICT_S);
+        let of_horizon = |horizon: &HorizonResult| -> Vec<String> {
+            let missed = horizon.channels.iter().filter(|channel| channel.is_missed());
+            let ahead_ms = 1e3 * horizon.horizon_s;
+            let sentence = |c: &ChannelError| match c.rmse.is_finite() {
+                true => format!(
+                    "{} is predicted {ahead_ms:.0} ms ahead to {:.2e} {}, {:.1} times as badly as by its mean",
+                    c.channel, c.rmse, c.unit, c.nrmse
+                ),
+                false => format!("{} is predicted {ahead_ms:.0} ms ahead by no number", c.channel),
+            };
+            missed.map(sentence).collect()
+        };
+        self.misfit = horizons.map(of_horizon).find(|sentences| !sentences.is_empty()).unwrap_or_default();
+        self.status = if self.misfit.is_empty() { Fit::Fits } else { Fit::DoesNotFit };
+    }
+
     /// The result for a horizon, if it was asked for.
     pub fn horizon(&self, horizon_s: f64) -> Option<&HorizonResult> {
         self.horizons.iter().find(|h| (h.horizon_s - horizon_s).abs() < 1e-9)
