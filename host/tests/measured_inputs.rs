@@ -157,29 +157,43 @@ fn the_answer_does_not_depend_on_the_start() {
     }
 }
 
-/// A mass in the file that is a tenth too small leaves a torque that no noise is: errors are those of the scatter between blocks, and an inertia below zero does not fit.
+/// A mass in the file that is a tenth wrong leaves a torque that no noise is: errors are those of the scatter between blocks.
 #[test]
-fn a_wrong_mass_in_the_file_is_told() {
+fn a_wrong_mass_in_the_file_widens_the_errors() {
     let folder = tempfile::tempdir().unwrap();
     let heavy = Pendulum { inertia: 4.06, weight: 60.0, coulomb: 5.0, viscous: 8.0 };
     let slow = [(0.8, 0.08), (0.15, 0.21)];
     let table = table(heavy, (0.01, 40.0), &slow, (0.5, 5e-5), 5);
-    // The body's inertia is m/4, so that b is what is left of 4.06.
-    let starts = "b = { start = 1.0 }\nv = { start = 5.0 }\nmu = { start = 4.0 }";
     let mass = heavy.weight / G / 0.5;
-    let (right, _) = calibrated(folder.path(), (&table, &robot(0.01, 5e-5, starts, mass)), 0);
+    let starts =
+        format!("b = {{ fixed = {} }}\nv = {{ start = 5.0 }}\nmu = {{ start = 4.0 }}", heavy.inertia - 0.25 * mass);
+    let (right, _) = calibrated(folder.path(), (&table, &robot(0.01, 5e-5, &starts, mass)), 0);
     assert_eq!(right["scatter"]["coloured"], false, "{}", right["scatter"]);
     let (v, error) = parameter(&right, "v[1]");
     assert!((v - heavy.viscous).abs() < 4.0 * error && error < 0.5, "v is {v} ± {error}");
     for wrong in [0.9, 1.1] {
-        std::fs::write(folder.path().join("robot.toml"), robot(0.01, 5e-5, starts, wrong * mass)).unwrap();
-        host(folder.path(), &["import", "run.csv", "--robot", "robot.toml", "-o", "wrong.mcap", "--force"], 0);
-        host(folder.path(), &["calibrate", "wrong.mcap", "-o", "wrong.json", "--force", "--unchecked"], 0);
-        let calibration = json(&folder.path().join("wrong.json"));
+        let (calibration, said) = calibrated(folder.path(), (&table, &robot(0.01, 5e-5, &starts, wrong * mass)), 0);
         assert_eq!(calibration["scatter"]["coloured"], true, "{wrong}: {}", calibration["scatter"]);
+        assert!(said.contains("no white noise"), "{said}");
         let (_, wide) = parameter(&calibration, "v[1]");
         assert!(wide > 2.0 * error, "{wrong}: v ± {wide}, with the right mass ± {error}");
     }
+}
+
+/// An inertia in the file that is larger than all there is leaves less than nothing for the motor: said first, in the status and in the exit code.
+#[test]
+fn an_inertia_below_zero_does_not_fit() {
+    let folder = tempfile::tempdir().unwrap();
+    let table = table(LIGHT, (0.01, 30.0), &SLOW, (0.05, 1e-4), 3);
+    let robot = |body: f64| robot(0.01, 1e-4, STARTS, 0.0).replace("yy = 0.0", &format!("yy = {body}"));
+    let (fits, _) = calibrated(folder.path(), (&table, &robot(0.1)), 0);
+    assert_eq!(fits["status"], "converged");
+    let (b, error) = parameter(&fits, "b[1]");
+    assert!((b - 0.05).abs() < 4.0 * error, "b is {b} ± {error} beside a body of 0.1");
+    let (calibration, said) = calibrated(folder.path(), (&table, &robot(0.2)), 4);
+    assert_eq!(calibration["status"], "does_not_fit");
+    assert!(said.starts_with("does not fit: b[1] is -0.05"), "{said}");
+    host(folder.path(), &["calibrate", "run.mcap", "-o", "cal.json", "--force", "--unchecked"], 0);
 }
 
 /// An encoder of 2.9 mrad a count says nothing of accelerations at 100 Hz: the corner of the torques' filter follows from it.
