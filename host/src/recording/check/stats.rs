@@ -71,6 +71,41 @@ pub(super) fn window_mean(recording: &Recording, values: &[f64]) -> Vec<f64> {
     means
 }
 
+/// `values` smoothed by a triangle of so many samples on either side; NaN near gaps and ends, and where a value in it is.
+pub(super) fn smooth(recording: &Recording, values: &[f64], half: usize) -> Vec<f64> {
+    let mut smoothed = vec![f64::NAN; recording.len()];
+    for run in recording.segments() {
+        let once = means(&values[run.clone()], half);
+        for (k, value) in means(&once, half).into_iter().enumerate() {
+            smoothed[run.start + k] = value;
+        }
+    }
+    smoothed
+}
+
+/// Mean of the values within half of `half` samples of each; NaN where one is NaN or missing.
+fn means(values: &[f64], half: usize) -> Vec<f64> {
+    let reach = half / 2;
+    let (mut sum, mut invalid) = (0.0, 0usize);
+    let mut means = vec![f64::NAN; values.len()];
+    for k in 0..values.len() {
+        match values[k].is_nan() {
+            true => invalid += 1,
+            false => sum += values[k],
+        }
+        if let Some(gone) = k.checked_sub(2 * reach + 1) {
+            match values[gone].is_nan() {
+                true => invalid -= 1,
+                false => sum -= values[gone],
+            }
+        }
+        if k >= 2 * reach && invalid == 0 {
+            means[k - reach] = sum / (2 * reach + 1) as f64;
+        }
+    }
+    means
+}
+
 /// What counts as full input: 1 for a duty, else the greatest input of the recording.
 pub(super) fn full_input(recording: &Recording) -> f64 {
     match recording.robot.input.unit {
