@@ -71,36 +71,34 @@ pub(super) fn window_mean(recording: &Recording, values: &[f64]) -> Vec<f64> {
     means
 }
 
-/// `values` smoothed by a triangle of so many samples on either side; NaN near gaps and ends, and where a value in it is.
+/// `values` smoothed by a triangle of so many samples on either side; NaN near gaps and ends, and where most values in it are.
 pub(super) fn smooth(recording: &Recording, values: &[f64], half: usize) -> Vec<f64> {
     let mut smoothed = vec![f64::NAN; recording.len()];
     for run in recording.segments() {
-        let once = means(&values[run.clone()], half);
-        for (k, value) in means(&once, half).into_iter().enumerate() {
+        let width = 2 * (half / 2) + 1;
+        let once = means(&values[run.clone()], width, width / 2 + 1);
+        for (k, value) in means(&once, width, width).into_iter().enumerate() {
             smoothed[run.start + k] = value;
         }
     }
     smoothed
 }
 
-/// Mean of the values within half of `half` samples of each; NaN where one is NaN or missing.
-fn means(values: &[f64], half: usize) -> Vec<f64> {
-    let reach = half / 2;
-    let (mut sum, mut invalid) = (0.0, 0usize);
+/// Mean of the valid values in a window of `width` samples (an odd number) around each; NaN at the ends, and where fewer than `least` are valid.
+fn means(values: &[f64], width: usize, least: usize) -> Vec<f64> {
+    let (mut sum, mut valid) = (0.0, 0usize);
     let mut means = vec![f64::NAN; values.len()];
     for k in 0..values.len() {
-        match values[k].is_nan() {
-            true => invalid += 1,
-            false => sum += values[k],
+        if !values[k].is_nan() {
+            sum += values[k];
+            valid += 1;
         }
-        if let Some(gone) = k.checked_sub(2 * reach + 1) {
-            match values[gone].is_nan() {
-                true => invalid -= 1,
-                false => sum -= values[gone],
-            }
+        if let Some(gone) = k.checked_sub(width).filter(|gone| !values[*gone].is_nan()) {
+            sum -= values[gone];
+            valid -= 1;
         }
-        if k >= 2 * reach && invalid == 0 {
-            means[k - reach] = sum / (2 * reach + 1) as f64;
+        if k + 1 >= width && valid >= least {
+            means[k - width / 2] = sum / valid as f64;
         }
     }
     means

@@ -281,6 +281,11 @@ fn a_belt_that_swings_is_no_mistake_of_its_gyro() {
         (0..3).for_each(|axis| s.values[1 + axis] += rotation[axis][2] * (late(t) - motion(t).1));
     });
     assert!(!found.findings.iter().any(|f| f.about == About::Units), "{:#?}", found.findings);
+    // Nor do readings that are missing now and then hide a mistake.
+    let turned = checked(|s| {
+        (1..4).for_each(|axis| s.values[axis] = if s.k % 40 == 0 { f64::NAN } else { -s.values[axis] });
+    });
+    among(&turned, Severity::Error, About::Units, "does not turn as the encoders say");
     // A gyro on another body is worth a word, but no reason to refuse.
     let other = checked(|s| {
         let t = s.k as f64 * 1e-3;

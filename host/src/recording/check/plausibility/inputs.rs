@@ -308,7 +308,7 @@ fn least(columns: &[(Vec<f64>, [f64; 2])], y: &[f64]) -> f64 {
             let [low, high] = columns[*i].1;
             (low..=high).contains(&solution[*i])
         };
-        if free.iter().all(|i| keeps(i)) {
+        if free.iter().all(keeps) {
             best = best.min(whole - 2.0 * right.dot(&solution) + solution.dot(&(&gram * &solution)));
         }
     }

@@ -170,10 +170,10 @@ impl<'a> Scene<'a> {
     }
 }
 
-/// Lags are tried in steps of a hundredth of their range, and none is left out in the middle.
+/// Lags are tried in steps of about a tenth of the longest, and none at all among them.
 fn lag_step(lags: isize) -> usize {
-    let steps = (lags / 10).max(1) as usize;
-    (1..=steps).rev().find(|step| lags as usize % step == 0).unwrap_or(1)
+    let lags = lags.unsigned_abs();
+    (1..=(lags / 10).max(1)).rev().find(|step| lags.is_multiple_of(*step)).unwrap_or(1)
 }
 
 /// Half the width over which rates are smoothed, s.
