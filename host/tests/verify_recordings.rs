@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 use host::model::Integrator;
 use host::model::rotation::boxminus;
-use host::recording::{Recording, csv};
+use host::recording::{Recording, import};
 use host::robot::Robot;
 use host::verify::{self, CalibratedModel, Verification};
 use nalgebra::Matrix3;
@@ -20,7 +20,7 @@ fn recordings() -> Option<PathBuf> {
 }
 
 fn read(folder: &std::path::Path, name: &str) -> Recording {
-    csv::read(&folder.join(name), &Robot::builtin("doggy").unwrap()).unwrap().recording
+    import::read(&folder.join(name), &Robot::builtin("doggy").unwrap(), None).unwrap().recording
 }
 
 /// The true parameters of `clean`, from the README of the recordings.

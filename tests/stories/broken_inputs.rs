@@ -192,12 +192,30 @@ fn tables_with_broken_times_and_numbers_are_refused_with_their_line() {
     refused("twice", at_100("t_us", "99000"), &["line 102", "stands in line 101 already"]);
     refused("backwards", at_100("t_us", "500"), &["line 102", "before the 99000 µs of line 101", "sort"]);
     refused(
-        "another rate",
-        bench.with(|_, row| time(row, &|t| (t * 4).to_string())),
-        &["4000 µs apart", "sample_period_s"],
+        "another unit",
+        bench.with(|_, row| time(row, &|t| (t * 40).to_string())),
+        &["40000 µs apart", "sample_period_s"],
     );
+    // Another rate, and two by turns, are taken as they are stamped.
     let slower = bench.with(|k, row| row.left_out = k > 15_000 && k % 5 != 0);
-    refused("two rates", slower, &["from line 15003", "5000 µs apart", "two rates", "by itself"]);
+    for (what, text, says) in [
+        (
+            "another rate",
+            bench.with(|_, row| time(row, &|t| (t * 4).to_string())),
+            "rows are 4000.0 µs apart (the robot file says 1000.0 µs)",
+        ),
+        ("two rates", slower, "rows are 1000 to 5000 µs apart"),
+    ] {
+        let (table, run) = (bench.file("rate.csv"), bench.file("rate.mcap"));
+        std::fs::write(&table, text).unwrap();
+        said(what, &[Path::new("import"), &table, Path::new("-o"), &run, Path::new("--force")], 0, &[says]);
+    }
+    refused("a date", at_100("t_us", "2024-05-01T12:00:00"), &["line 102", "is a date", "microseconds"]);
+    refused(
+        "a second header",
+        bench.text().replace("\n100000,", &format!("\n{}\n100000,", bench.text().lines().next().unwrap())),
+        &["the header stands here again"],
+    );
     refused("NaN", at_100("g1x", "NaN"), &["line 102", "`g1x`", "NaN", "leave the field empty"]);
     refused("infinite", at_100("theta2", "1e999"), &["line 102", "`theta2`", "not a finite number"]);
     bench.useless("huge angle", at_100("theta2", "1e30"), &["encoder2", "no positions (up to 1.000e30"]);
@@ -224,7 +242,7 @@ fn files_that_are_no_tables_of_this_robot_are_refused() {
         &["unknown column `temperature`", "[import]"],
     );
     refused("another robot's", b"t_us,u1,theta1,g1x,g1y,g1z\n0,0,0,0,0,0\n", &["`u2`, `u3`", "`doggy`", "--robot"]);
-    refused("MCAP", b"\x89MCAP0\r\n", &["an MCAP file", "host check"]);
+    refused("MCAP", b"\x89MCAP0\r\n", &["no sensor_msgs/msg/JointState message"]);
     refused("spreadsheet", b"PK\x03\x04....", &["spreadsheet", "save"]);
     let utf16: Vec<u8> = "t_us,u1".encode_utf16().flat_map(u16::to_le_bytes).collect();
     refused("UTF-16", &[&[0xff, 0xfe][..], &utf16].concat(), &["UTF-16", "UTF-8"]);

@@ -4,7 +4,7 @@
 use crate::model::Model;
 use crate::recording::check::{About, Check, Finding};
 use crate::recording::{Recording, Severity};
-use crate::robot::Robot;
+use crate::robot::{Robot, Transmission};
 use solve::border::Border;
 use solve::levenberg::Settings;
 
@@ -67,6 +67,20 @@ const WORST_BIAS_RAD_S: f64 = 1e-3;
 /// Nor has a gyro's rotation: a mounting by eye is good to some degrees, a calibration should be ten times better.
 const WORST_TURN_RAD: f64 = 5e-3;
 
+/// What shows the parameters that this robot has.
+fn advice(robot: &Robot) -> String {
+    let mut advice = "move the joint more: slow moves with reversals for mu".to_owned();
+    if robot.joints.iter().any(|joint| joint.transmission == Transmission::Elastic) {
+        advice += ", fast ones and a chirp for k_s and d_s";
+    } else {
+        advice += ", fast ones for inertia and viscous friction";
+    }
+    if robot.gyros().next().is_some() {
+        advice += ", large angles of all joints for a gyro's rotation, rest before the motion for its bias";
+    }
+    advice
+}
+
 /// Adds to a check what a calibration will not be able to tell.
 pub fn look(recording: &Recording, check: &mut Check) {
     let mut add = |severity, message, advice: &str| {
@@ -91,9 +105,7 @@ pub fn look(recording: &Recording, check: &mut Check) {
         };
         if error > worst {
             let message = format!("{} is hardly shown: expected ± {error:.2e} {} at {:.4}", p.name, p.unit, p.start);
-            let advice = "move the joint more: slow moves with reversals for mu, fast ones and a chirp for k_s and d_s, \
-                          large angles of all joints for a gyro's rotation, rest before the motion for its bias";
-            add(Severity::Warning, message, advice);
+            add(Severity::Warning, message, &advice(&recording.robot));
         }
     }
 }

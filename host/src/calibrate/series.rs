@@ -23,7 +23,7 @@ pub struct Series {
     duration_s: Vec<f64>,
     /// Since the start of the whole recording, s.
     time_s: Vec<f64>,
-    /// Nominal time between samples, s.
+    /// Time between samples, s: of recordings with different periods their median.
     pub period_s: f64,
     /// Which stages each recording has.
     pub recordings: Vec<Range<usize>>,
@@ -44,6 +44,12 @@ pub(super) fn usable_samples(recording: &Recording) -> usize {
     runs(recording).map(|run| run.len()).sum()
 }
 
+fn period_s(robot: &Robot, recordings: &[&Recording]) -> f64 {
+    let mut periods: Vec<f64> = recordings.iter().map(|recording| recording.period_s).collect();
+    periods.sort_by(f64::total_cmp);
+    periods.get(periods.len() / 2).copied().unwrap_or(robot.sample_period_s)
+}
+
 impl Series {
     /// Joins recordings of `robot`, whose description says what their columns mean.
     pub fn of(robot: &Robot, recordings: &[&Recording]) -> Self {
@@ -54,7 +60,7 @@ impl Series {
             input: Vec::with_capacity(stages * joints),
             duration_s: Vec::with_capacity(stages),
             time_s: Vec::with_capacity(stages),
-            period_s: robot.sample_period_s,
+            period_s: period_s(robot, recordings),
             recordings: Vec::new(),
             segments: Vec::new(),
             rest: Vec::new(),

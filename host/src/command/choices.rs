@@ -5,6 +5,7 @@ use clap::builder::PossibleValue;
 
 use crate::calibrate::{NoiseSource, Preset};
 use crate::fleet::By;
+use crate::recording::import::EmptyInputs;
 use crate::simulate::Pace;
 
 impl ValueEnum for Preset {
@@ -66,5 +67,22 @@ impl ValueEnum for Pace {
             // Set in code only.
             Pace::Patient => None,
         }
+    }
+}
+
+impl ValueEnum for EmptyInputs {
+    fn value_variants<'a>() -> &'a [Self] {
+        &[EmptyInputs::Hold, EmptyInputs::Interpolate]
+    }
+
+    fn to_possible_value(&self) -> Option<PossibleValue> {
+        Some(match self {
+            EmptyInputs::Hold => {
+                PossibleValue::new("hold").help("The last one: of a command, which lasts until the next")
+            }
+            EmptyInputs::Interpolate => {
+                PossibleValue::new("interpolate").help("On a straight line to the next: of a torque that was measured")
+            }
+        })
     }
 }

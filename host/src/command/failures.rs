@@ -2,7 +2,7 @@
 
 use super::{Exit, Failure};
 use crate::recording::ReadError;
-use crate::recording::csv::TableError;
+use crate::recording::import::TableError;
 use crate::robot::RobotError;
 
 /// A recording that could not be read.

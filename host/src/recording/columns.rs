@@ -21,7 +21,7 @@ pub struct Recording {
     pub source: Source,
     /// The table that it was imported from.
     pub imported_from: Option<Source>,
-    /// Nominal period of the tick, s.
+    /// Nominal period of the tick, of an imported table the mean step between its rows, s.
     pub period_s: f64,
     /// Device time, unwrapped, strictly rising, µs.
     pub t_us: Vec<u64>,
@@ -113,11 +113,12 @@ impl Recording {
         }
     }
 
-    /// Whether something is missing between sample k − 1 and sample k: a number was skipped, or the time step is
-    /// longer than 1.5 periods.
+    /// Whether something is missing between sample k − 1 and sample k: a number was skipped, or a device's time step is
+    /// longer than 1.5 periods. Numbers of a table's rows come from their steps.
     pub fn gap_before(&self, k: usize) -> bool {
         let step_us = (self.t_us[k] - self.t_us[k - 1]) as f64;
-        self.seq[k] != self.seq[k - 1] + 1 || step_us > LONGEST_STEP_PERIODS * self.period_s * 1e6
+        let is_long = self.imported_from.is_none() && step_us > LONGEST_STEP_PERIODS * self.period_s * 1e6;
+        self.seq[k] != self.seq[k - 1] + 1 || is_long
     }
 
     /// Runs of samples without a gap, in order; together they are all samples.
@@ -190,6 +191,7 @@ impl Recording {
             motion: self.motion.clone(),
             zero_rad: self.zero_rad.clone(),
             firmware: self.firmware.clone(),
+            period_s: (self.period_s != self.robot.sample_period_s).then_some(self.period_s),
             imported_from: self.imported_from.clone(),
         }
     }

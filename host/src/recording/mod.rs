@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!   serial line ─▶ link ─┐ Row, Event, LossBalance            ┌─▶ RUN.mcap   (mcap::Writer, survives kill -9)
-//!   DATA.csv ─▶ csv ─────┼──────────────▶ Recorder ─▶ Recording ─▶ DATA.csv  (csv::write)
+//!   DATA.csv ─▶ import ──┼──────────────▶ Recorder ─▶ Recording ─▶ DATA.csv  (csv::write)
 //!   RUN.mcap ─▶ mcap ────┘                                    └─▶ check, calibrate, verify
 //! ```
 //!
@@ -17,9 +17,11 @@ mod fixture;
 mod log;
 mod recorder;
 mod session;
+mod wrap;
 
 pub mod check;
 pub mod csv;
+pub mod import;
 pub mod mcap;
 
 use std::path::Path;

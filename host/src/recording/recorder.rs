@@ -123,7 +123,7 @@ impl Recorder {
         let recording = Recording {
             source: Source { path: Default::default(), sha256: String::new() },
             imported_from: session.imported_from,
-            period_s: session.robot.sample_period_s,
+            period_s: session.period_s.unwrap_or(session.robot.sample_period_s),
             t_us: Vec::new(),
             part_of_us: None,
             seq: Vec::new(),

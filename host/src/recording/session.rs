@@ -18,14 +18,16 @@ pub struct Session {
     pub zero_rad: Vec<f64>,
     /// The handshake of the device.
     pub firmware: Option<Firmware>,
-    /// The table that was imported.
+    /// Mean time between rows of an imported table, s; of others the robot's period counts.
+    pub period_s: Option<f64>,
+    /// The table or bag that was imported.
     pub imported_from: Option<Source>,
 }
 
 impl Session {
     /// A session of which nothing but the robot is known.
     pub fn of(robot: Robot) -> Self {
-        Self { robot, motion: None, zero_rad: Vec::new(), firmware: None, imported_from: None }
+        Self { robot, motion: None, zero_rad: Vec::new(), firmware: None, period_s: None, imported_from: None }
     }
 }
 

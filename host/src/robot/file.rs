@@ -182,6 +182,7 @@ pub(super) struct ImportTable {
     pub decimal: Option<String>,
     #[serde(default)]
     pub missing: Vec<String>,
+    pub torque_on: Option<String>,
     /// By the recording's names: `u1`, `theta1`, `g1x`.
     #[serde(default)]
     pub columns: BTreeMap<String, ImportColumnTable>,

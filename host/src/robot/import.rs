@@ -20,6 +20,8 @@ pub struct Import {
     pub decimal: char,
     /// Fields that mean "no valid reading", beside the empty one.
     pub missing: Vec<String>,
+    /// The column that is 0 where the drives are switched off: their circuit is open, and they give no torque.
+    pub torque_on: Option<String>,
     /// One entry for every column of the recording, in its order: `u1…`, then the robot's channels.
     pub columns: Vec<ImportColumn>,
 }

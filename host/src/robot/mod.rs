@@ -307,7 +307,7 @@ impl Robot {
             std::fs::read_to_string(path).map_err(|source| RobotError::Read { path: path.to_owned(), source })?;
         let folder = path.parent().unwrap_or_else(|| Path::new(""));
         match urdf::expand(&text, folder)? {
-            Some(complete) => Self::parse(&complete),
+            Some(complete) => Self::parse(&complete.text).map_err(|error| complete.name(error)),
             None => Self::parse(&text),
         }
     }
@@ -333,6 +333,13 @@ impl Robot {
     /// What a recording of this robot holds beside time and input, in the order of its columns.
     pub fn channels(&self) -> Vec<Channel> {
         channel::channels(self)
+    }
+
+    /// Names of the columns of a table: `t_us`, the inputs `u1…`, then the channels.
+    pub fn columns(&self) -> Vec<String> {
+        let inputs = (1..=self.joints.len()).map(|joint| format!("u{joint}"));
+        let channels = self.channels().into_iter().map(|channel| channel.column);
+        std::iter::once("t_us".to_owned()).chain(inputs).chain(channels).collect()
     }
 
     /// Every parameter of the base model, in the order of the results: `k_pwm k_t k_mi b mu[i] k_s[i] d_s[i]`, then each

@@ -46,7 +46,7 @@ impl Traces {
             .map(|joint| {
                 let kind = ChannelKind::MotorPosition { joint };
                 let encoder = recording.channels.iter().find(|c| c.spec.kind == kind);
-                encoder.map_or_else(Vec::new, |c| slopes(&c.values, &segments, half, recording.period_s))
+                encoder.map_or_else(Vec::new, |c| slopes(&c.values, &segments, half, |k| recording.time_s(k)))
             })
             .collect();
         Self {
@@ -92,13 +92,21 @@ impl Traces {
     }
 }
 
-/// Slope of the least-squares line through the `2·half + 1` values around each sample: Σ i·y_i / (T Σ i²).
-fn slopes(values: &[f64], segments: &[Range<usize>], half: usize, period_s: f64) -> Vec<f64> {
+/// Slope of the least-squares line through the `2·half + 1` values around each sample: Σ (t − t̄) y / Σ (t − t̄)².
+fn slopes(values: &[f64], segments: &[Range<usize>], half: usize, time_s: impl Fn(usize) -> f64) -> Vec<f64> {
     let mut slopes = vec![f64::NAN; values.len()];
-    let norm: f64 = 2.0 * (1..=half).map(|i| (i * i) as f64).sum::<f64>() * period_s;
     for segment in segments {
         for k in segment.start + half..segment.end.saturating_sub(half) {
-            slopes[k] = (1..=half).map(|i| i as f64 * (values[k + i] - values[k - i])).sum::<f64>() / norm;
+            let around = k - half..=k + half;
+            let mean_s = around.clone().map(&time_s).sum::<f64>() / (2 * half + 1) as f64;
+            let (mut above, mut below) = (0.0, 0.0);
+            for i in around {
+                let t = time_s(i) - mean_s;
+                // Sums of t are zero but for rounding, which a position far from zero would show.
+                above += t * (values[i] - values[k]);
+                below += t * t;
+            }
+            slopes[k] = above / below;
         }
     }
     slopes
@@ -109,7 +117,7 @@ mod tests {
     #[test]
     fn the_slope_of_a_parabola_is_exact_and_gaps_are_left_out() {
         let y: Vec<f64> = (0..100).map(|k| 3.0 + 0.5 * f64::from(k) + 0.01 * f64::from(k * k)).collect();
-        let slopes = super::slopes(&y, &[0..40, 40..100], 5, 1e-3);
+        let slopes = super::slopes(&y, &[0..40, 40..100], 5, |k| 1e-3 * k as f64);
         for (k, slope) in slopes.iter().enumerate() {
             if (5..35).contains(&k) || (45..95).contains(&k) {
                 let expected = (0.5 + 0.02 * k as f64) * 1e3;

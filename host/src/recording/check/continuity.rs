@@ -66,7 +66,12 @@ fn gaps(recording: &Recording, findings: &mut Findings) {
         About::Gaps,
         None,
         format!("{missing} ticks ({:.2} %) are missing in {gaps} gaps, the longest of {longest} ticks", 100.0 * share),
-        "the estimate breaks its chain at each gap and interpolates nothing; the loss balance says what to mend",
+        match recording.imported_from {
+            Some(_) => "the estimate breaks its chain at each gap and interpolates nothing",
+            None => {
+                "the estimate breaks its chain at each gap and interpolates nothing; the loss balance says what to mend"
+            }
+        },
     );
     if short as f64 > 0.1 * recording.len() as f64 {
         findings.add(
@@ -74,7 +79,12 @@ fn gaps(recording: &Recording, findings: &mut Findings) {
             About::Gaps,
             None,
             format!("{short} samples stand in runs of less than {SHORT_RUN} between gaps"),
-            "such runs hardly tell about the dynamics: mend the link before recording again",
+            match recording.imported_from {
+                Some(_) => {
+                    "such runs hardly tell about the dynamics: look for what stalls the program that writes the log"
+                }
+                None => "such runs hardly tell about the dynamics: mend the link before recording again",
+            },
         );
     }
 }

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::stats::{full_input, half_window, mean_rate, position, range, reversals};
 use super::{About, Findings};
 use crate::recording::{Channel, Recording, Severity};
-use crate::robot::{JointKind, Transmission};
+use crate::robot::{InputUnit, JointKind, Transmission};
 
 /// A joint that moves less than this many sigmas of its encoder has not moved.
 const MOVED_SIGMAS: f64 = 50.0;
@@ -96,6 +96,7 @@ fn excitation(recording: &Recording, joint: usize, positions: &Channel) -> Joint
 fn judge(recording: &Recording, joint: usize, sigma: f64, found: &JointExcitation, findings: &mut Findings) {
     let input = format!("u{}", joint + 1);
     let name = &found.joint;
+    let has_back_emf = matches!(recording.robot.input.unit, InputUnit::Duty | InputUnit::Volt);
     let mut add = |severity, message: String, advice: &str| {
         findings.add(severity, About::Excitation, Some(&input), message, advice);
     };
@@ -111,7 +112,10 @@ fn judge(recording: &Recording, joint: usize, sigma: f64, found: &JointExcitatio
         add(
             Severity::Warning,
             format!("{name} uses {:.0} % of its range ({:.3} {})", 100.0 * found.range_share, found.range, found.unit),
-            "move it further in the slow stage: inertia and the gyros' rotations show in large angles",
+            match recording.robot.gyros().next() {
+                Some(_) => "move it further in the slow stage: inertia and the gyros' rotations show in large angles",
+                None => "move it further in the slow stage: inertia and weight show in large motions",
+            },
         );
     }
     if found.reversals < REVERSALS {
@@ -125,14 +129,26 @@ fn judge(recording: &Recording, joint: usize, sigma: f64, found: &JointExcitatio
         add(
             Severity::Warning,
             format!("{name} moves slowly for {:.2} s only", found.slow_s),
-            "add a slow stage (duty at most 0.15): friction and back-EMF are told apart between slow and fast",
+            match has_back_emf {
+                true => {
+                    "add a slow stage (at most 0.15 of the full input): friction and back-EMF are told apart between slow and fast"
+                }
+                false => {
+                    "add a slow stage (at most 0.15 of the full input): Coulomb and viscous friction are told apart between slow and fast"
+                }
+            },
         );
     }
     if found.max_input < FAST_INPUT {
         add(
             Severity::Warning,
             format!("the input of {name} reaches {:.0} % of full", 100.0 * found.max_input),
-            "add a fast stage with a duty up to 0.9: back-EMF and motor inertia show there",
+            match has_back_emf {
+                true => "add a fast stage with up to 0.9 of the full input: back-EMF and motor inertia show there",
+                false => {
+                    "add a fast stage with up to 0.9 of the full input: motor inertia and viscous friction show there"
+                }
+            },
         );
     }
     if recording.robot.joints[joint].transmission == Transmission::Elastic && found.fast_reversals < FAST_REVERSALS {

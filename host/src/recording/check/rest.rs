@@ -15,6 +15,8 @@ const WANTED_S: f64 = 3.0;
 const NOISE_FACTOR: f64 = 2.0;
 /// Block means may scatter by this many times what white noise does; a robot that moves is far beyond.
 const MOTION_FACTOR: f64 = 5.0;
+/// Readings that span at most so many steps of their sensor are those of a joint that rests between two counts.
+const RESTING_STEPS: f64 = 2.0;
 /// Blocks into which the window is cut to see motion.
 const BLOCKS: usize = 10;
 /// Fewest samples of which a noise is told.
@@ -64,16 +66,16 @@ fn length(length_s: f64, recording: &Recording, findings: &mut Findings) {
             About::Excitation,
             None,
             "the input is zero in the whole recording".to_owned(),
-            "play a motion while recording; in a table, check that u1… are the duties that were commanded",
+            "play a motion while recording; in a table, check that u1… are the inputs that were commanded",
         );
-    } else if length_s < WANTED_S {
+    } else if length_s < WANTED_S && recording.robot.gyros().next().is_some() {
         let severity = if length_s < LEAST_S { Severity::Warning } else { Severity::Note };
         findings.add(
             severity,
             About::BiasWindow,
             None,
             format!("the robot rests for {length_s:.2} s before the first input"),
-            "begin the motion with a hold of 3 s at zero duty: gyro biases and noise are read there",
+            "begin the motion with a hold of 3 s at zero input: gyro biases and noise are read there",
         );
     }
 }
@@ -90,8 +92,24 @@ fn at_rest(channel: &crate::recording::Channel, values: &[f64]) -> Option<Channe
         mean: all.mean,
         sigma: all.deviation,
         sigma_described: channel.spec.sigma,
-        unrest: spread(&means).map_or(0.0, |spread| spread.deviation) / white,
+        unrest: match stands_between_counts(values) {
+            true => 0.0,
+            false => spread(&means).map_or(0.0, |spread| spread.deviation) / white,
+        },
     })
+}
+
+/// Whether all readings are a few neighbouring counts: a count that comes and goes is not noise, and no motion either.
+fn stands_between_counts(values: &[f64]) -> bool {
+    let mut counts: Vec<f64> = values.iter().copied().filter(|value| !value.is_nan()).collect();
+    counts.sort_by(f64::total_cmp);
+    counts.dedup();
+    let step = counts.windows(2).map(|pair| pair[1] - pair[0]).fold(f64::INFINITY, f64::min);
+    match (counts.first(), counts.last()) {
+        // Counts that were rounded to decimals differ in their last one.
+        (Some(low), Some(high)) if counts.len() > 1 => high - low <= (RESTING_STEPS + 0.1) * step,
+        _ => true,
+    }
 }
 
 /// An encoder at rest may give one and the same count: only a gyro's noise can be too small.
@@ -128,7 +146,10 @@ fn motion(channels: &[ChannelAtRest], recording: &Recording, findings: &mut Find
                 "the robot does not rest before the motion: means wander {:.1} times as far as noise does (sigma {:.2e} {unit})",
                 worst.unrest, worst.sigma
             ),
-            "wait until the robot is still and nobody touches it, then start the motion; a warm-up drift of a gyro looks the same",
+            match worst.channel.starts_with("gyro") {
+                true => "wait until the robot is still and nobody touches it, then start the motion; a warm-up drift of a gyro looks the same",
+                false => "wait until the robot is still and nobody touches it, then start the motion",
+            },
         );
     }
 }

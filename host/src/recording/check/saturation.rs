@@ -97,7 +97,7 @@ fn invalid(channel: &Channel, add: &mut impl FnMut(Severity, String, &str)) {
 }
 
 fn clipped(channel: &Channel, range_rad_s: Option<f64>, add: &mut impl FnMut(Severity, String, &str)) {
-    let larger = "choose a larger range of the gyro, or lower the duty of the fast stage";
+    let larger = "choose a larger range of the gyro, or a slower fast stage";
     if let Some(full) = range_rad_s {
         let at_end = channel.values.iter().filter(|value| value.abs() >= RANGE_SHARE * full).count();
         if at_end > 0 {

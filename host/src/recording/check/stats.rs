@@ -71,6 +71,39 @@ pub(super) fn window_mean(recording: &Recording, values: &[f64]) -> Vec<f64> {
     means
 }
 
+/// `values` smoothed by a triangle of so many samples on either side; NaN near gaps and ends, and where most values in it are.
+pub(super) fn smooth(recording: &Recording, values: &[f64], half: usize) -> Vec<f64> {
+    let mut smoothed = vec![f64::NAN; recording.len()];
+    for run in recording.segments() {
+        let width = 2 * (half / 2) + 1;
+        let once = means(&values[run.clone()], width, width / 2 + 1);
+        for (k, value) in means(&once, width, width).into_iter().enumerate() {
+            smoothed[run.start + k] = value;
+        }
+    }
+    smoothed
+}
+
+/// Mean of the valid values in a window of `width` samples (an odd number) around each; NaN at the ends, and where fewer than `least` are valid.
+fn means(values: &[f64], width: usize, least: usize) -> Vec<f64> {
+    let (mut sum, mut valid) = (0.0, 0usize);
+    let mut means = vec![f64::NAN; values.len()];
+    for k in 0..values.len() {
+        if !values[k].is_nan() {
+            sum += values[k];
+            valid += 1;
+        }
+        if let Some(gone) = k.checked_sub(width).filter(|gone| !values[*gone].is_nan()) {
+            sum -= values[gone];
+            valid -= 1;
+        }
+        if k + 1 >= width && valid >= least {
+            means[k - width / 2] = sum / valid as f64;
+        }
+    }
+    means
+}
+
 /// What counts as full input: 1 for a duty, else the greatest input of the recording.
 pub(super) fn full_input(recording: &Recording) -> f64 {
     match recording.robot.input.unit {

@@ -259,3 +259,182 @@ fn wrong_units_signs_and_axes_are_told() {
     let turned = checked(scaled(1..4, -1.0));
     only(&turned, Severity::Error, About::Units, "does not turn as the encoders say (correlation -1.00)");
 }
+
+/// A belt that swings by itself at 3.8 Hz, as the description of the one-joint robot has it, faster than the motor moves.
+#[test]
+fn a_belt_that_swings_is_no_mistake_of_its_gyro() {
+    let robot = Robot::builtin("one_joint").unwrap();
+    let rotation = robot.gyros().next().unwrap().rotation;
+    let swinging = |s: &mut Sample, hz: f64, rad_s: f64| {
+        let t = s.k as f64 * 1e-3;
+        let swing = if t < 3.2 { 0.0 } else { rad_s * (std::f64::consts::TAU * hz * t).sin() };
+        (0..3).for_each(|axis| s.values[1 + axis] += rotation[axis][2] * swing);
+    };
+    for hz in [3.8, 3.0, 5.0] {
+        let found = checked(|s| swinging(s, hz, 2.0)).findings;
+        assert!(!found.iter().any(|f| f.about == About::Units), "{hz} Hz: {found:#?}");
+    }
+    // A gyro that lags by 8 ms, as its filter makes it, is none either.
+    let late = |t: f64| motion(t - 0.008).1;
+    let found = checked(|s| {
+        let t = s.k as f64 * 1e-3;
+        (0..3).for_each(|axis| s.values[1 + axis] += rotation[axis][2] * (late(t) - motion(t).1));
+    });
+    assert!(!found.findings.iter().any(|f| f.about == About::Units), "{:#?}", found.findings);
+    // Nor do readings that are missing now and then hide a mistake.
+    let turned = checked(|s| {
+        (1..4).for_each(|axis| s.values[axis] = if s.k % 40 == 0 { f64::NAN } else { -s.values[axis] });
+    });
+    among(&turned, Severity::Error, About::Units, "does not turn as the encoders say");
+    // A gyro on another body is worth a word, but no reason to refuse.
+    let other = checked(|s| {
+        let t = s.k as f64 * 1e-3;
+        (0..3).for_each(|axis| s.values[1 + axis] += rotation[axis][2] * (0.8 * (0.9 * t).cos() - motion(t).1));
+    });
+    among(&other, Severity::Warning, About::Units, "does not turn as the encoders say");
+    assert!(other.usable);
+}
+
+/// 12 s of two joints in line that hang down, driven by torques: the elbow swings, the shoulder's motor brakes it. `change` is made
+/// to inputs and positions.
+fn braking_arm(mass_error: f64, change: impl Fn(&mut [f64; 2], &mut [f64; 2])) -> Check {
+    braking_arm_with(mass_error, |_| 0.0, change)
+}
+
+/// The same with a torque over time on the shoulder as well.
+fn braking_arm_with(
+    mass_error: f64,
+    shoulder: impl Fn(f64) -> f64,
+    change: impl Fn(&mut [f64; 2], &mut [f64; 2]),
+) -> Check {
+    let joint = |name: &str, above_m: f64, mass_kg: f64, arm_m: f64, inertia: f64| {
+        format!(
+            "[[joint]]\nname = \"{name}\"\nkind = \"revolute\"\naxis = [0.0, 1.0, 0.0]\norigin_m = [0.0, 0.0, {above_m:?}]\nlimits_rad = [-3.0, 3.0]\n\
+             gravity = \"acts\"\ntransmission = \"rigid\"\nfriction = {{ law = \"none\" }}\ngear = 1.0\n\
+             body = {{ mass_kg = {mass_kg:?}, centre_m = [0.0, 0.0, {:?}], inertia_kg_m2 = {{ xx = {inertia:?}, yy = {inertia:?}, zz = {inertia:?} }} }}\n\
+             parameters = {{ b = {{ start = 0.004 }}, v = {{ start = 0.02 }} }}\n",
+            -arm_m
+        )
+    };
+    let description = |error: f64| {
+        "name = \"arm\"\nsample_period_s = 0.002\ncoriolis = true\ngravity_m_s2 = [0.0, 0.0, -9.81]\n[input]\nunit = \"newton_metre\"\n".to_owned()
+            + &joint("shoulder", 0.0, 0.6 * error, 0.2, 0.001)
+            + &joint("elbow", -0.2, 0.56 * error, 0.3, 0.004)
+            + "[[sensor]]\nkind = \"motor_encoder\"\njoint = \"shoulder\"\nsigma_rad = 1e-4\n"
+            + "[[sensor]]\nkind = \"motor_encoder\"\njoint = \"elbow\"\nsigma_rad = 1e-4\n"
+    };
+    let chain = Robot::parse(&description(1.0)).unwrap().chain();
+    let accelerations = |x: &[f64; 4], u: &[f64; 2]| {
+        let (q, qd) = ([x[0], x[1]], [x[2], x[3]]);
+        let (mut m, mut bias) = ([0.0; 4], [0.0; 2]);
+        chain.mass_matrix(&q, &mut m);
+        chain.bias_torque(&q, &qd, &mut bias);
+        let (a, b, d) = (m[0] + 0.004, m[1], m[3] + 0.004);
+        let f = [u[0] - bias[0] - 0.02 * qd[0], u[1] - bias[1] - 0.02 * qd[1]];
+        let det = a * d - b * b;
+        [qd[0], qd[1], (d * f[0] - b * f[1]) / det, (a * f[1] - b * f[0]) / det]
+    };
+    let mut recorder = Recorder::new(Session::of(Robot::parse(&description(mass_error)).unwrap()));
+    let mut x = [0.0; 4];
+    for k in 0..6000u64 {
+        let t = k as f64 * 2e-3;
+        let wave = |hz: f64| (std::f64::consts::TAU * hz * (t - 1.0)).sin();
+        let push = if t < 1.0 { 0.0 } else { shoulder(t) };
+        let u = [push - 0.12 * x[2], if t < 1.0 { 0.0 } else { 0.9 * wave(0.4 + 0.05 * (t - 1.0)) + 0.4 * wave(0.31) }];
+        let (mut input, mut read) = (u, [x[0], x[1]].map(|q| (q / 4e-4).round() * 4e-4));
+        change(&mut input, &mut read);
+        let row = Row { t_us: 2000 * k, seq: k, phase: 0, tick: Tick::default(), duty: &input, values: &read };
+        recorder.push(&row).unwrap();
+        for _ in 0..10 {
+            let h = 2e-4;
+            let at = |k: &[f64; 4], by: f64| std::array::from_fn(|i| x[i] + by * k[i]);
+            let k1 = accelerations(&x, &u);
+            let k2 = accelerations(&at(&k1, 0.5 * h), &u);
+            let k3 = accelerations(&at(&k2, 0.5 * h), &u);
+            let k4 = accelerations(&at(&k3, h), &u);
+            x = std::array::from_fn(|i| x[i] + h / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]));
+        }
+    }
+    check(&recorder.finish(Source { path: "run.mcap".into(), sha256: String::new() }))
+}
+
+#[test]
+fn a_motor_that_brakes_runs_with_its_input() {
+    let of_inputs = |check: &Check, severity| {
+        let units = check.findings.iter().filter(|f| f.about == About::Units && f.severity == severity);
+        units
+            .filter(|f| f.channel.as_ref().is_some_and(|c| c.starts_with('u')))
+            .map(|f| f.message.clone())
+            .collect::<Vec<_>>()
+    };
+    // The elbow is told. A brake goes with its speed as well as against it, with more friction: the shoulder is not.
+    let right = braking_arm(1.0, |_, _| {});
+    let notes = of_inputs(&right, Severity::Note);
+    assert!(of_inputs(&right, Severity::Error).is_empty(), "{:#?}", right.findings);
+    assert!(
+        matches!(&notes[..], [only] if only.contains("whether shoulder runs with its input cannot be told")),
+        "{notes:?}"
+    );
+    // Masses that are a quarter off are no reason to refuse, though they may leave the brake untold.
+    for error in [0.75, 1.25] {
+        let off = braking_arm(error, |_, _| {});
+        assert!(of_inputs(&off, Severity::Error).is_empty(), "{:#?}", off.findings);
+    }
+    let elbow = braking_arm(1.0, |u, _| u[1] = -u[1]);
+    among(&elbow, Severity::Error, About::Units, "elbow runs against its input");
+    // A shoulder that is driven, too, is told as well.
+    let driven = |sign: f64| braking_arm_with(1.0, |t| 0.5 * (4.0 * t).sin(), move |u, _| u[0] *= sign);
+    among(&driven(-1.0), Severity::Error, About::Units, "shoulder runs against its input");
+    let rightly = driven(1.0);
+    assert!(
+        of_inputs(&rightly, Severity::Error).is_empty() && of_inputs(&rightly, Severity::Note).is_empty(),
+        "{:#?}",
+        rightly.findings
+    );
+    let swapped = braking_arm(1.0, |u, _| u.swap(0, 1));
+    among(&swapped, Severity::Error, About::Units, "the columns look swapped");
+    // An input that has nothing to do with the motion says nothing of signs.
+    let unlike = braking_arm(1.0, |u, q| u[1] = (40.0 * q[0]).sin());
+    among(&unlike, Severity::Note, About::Units, "whether elbow runs with its input cannot be told");
+}
+
+#[test]
+fn a_count_that_comes_and_goes_is_no_motion() {
+    // Steps of 3 mrad, a joint that rests between two of them for a while and then on one: sigma says 0.06 mrad.
+    let check = checked(|s| {
+        s.values[0] = ((s.values[0] + if s.k % 900 < 400 { 1.51e-3 } else { 1.49e-3 }) / 3e-3).round() * 3e-3
+    });
+    assert!(!check.findings.iter().any(|f| f.message.contains("does not rest")), "{:#?}", check.findings);
+    // Over four steps and more it does.
+    let moved = checked(|s| s.values[0] = ((s.values[0] + 2e-6 * s.k as f64) / 5e-4).round() * 5e-4);
+    among(&moved, Severity::Warning, About::BiasWindow, "does not rest");
+}
+
+#[test]
+fn a_position_that_begins_again_after_a_turn_is_told_with_its_rows() {
+    // A wheel on the joint's encoder: turned by hand, as nothing else here matters.
+    let wheel = |k: u64| (1e-3 * k as f64).rem_euclid(std::f64::consts::TAU);
+    let check = checked(|s| s.values[0] = wheel(s.k));
+    among(&check, Severity::Error, About::Units, "jumps by one turn (6.2832 rad) between rows 6284 and 6285");
+}
+
+#[test]
+fn advice_speaks_of_what_the_robot_has() {
+    let torque = Robot::builtin("emps").unwrap();
+    let mut recorder = Recorder::new(Session::of(torque));
+    for k in 0..2000u64 {
+        let x = k as f64 * 1e-3;
+        let (u, q) = (0.2 * (3.0 * x).sin(), 0.001 * (3.0 * x).sin());
+        let row = Row { t_us: 1000 * k, seq: k, phase: 0, tick: Tick::default(), duty: &[u], values: &[q] };
+        recorder.push(&row).unwrap();
+    }
+    let check = check(&recorder.finish(Source { path: "run.mcap".into(), sha256: String::new() }));
+    assert!(!check.findings.is_empty());
+    for word in ["duty", "back-EMF", "gyro"] {
+        assert!(
+            !check.findings.iter().any(|f| f.advice.contains(word) || f.message.contains(word)),
+            "{word}: {:#?}",
+            check.findings
+        );
+    }
+}

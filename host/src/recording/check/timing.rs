@@ -5,12 +5,13 @@ use serde::{Deserialize, Serialize};
 
 use super::stats::spread;
 use super::{About, Findings};
+use crate::recording::import::rate::is_another_unit;
 use crate::recording::{Recording, Severity};
 
 /// Relative error of the rate that shows in the parameters (crystals are good to 1e-4).
 const RATE_WARNING: f64 = 1e-3;
-/// Relative error of the rate beyond which the robot file is about another robot.
-const RATE_ERROR: f64 = 2e-2;
+/// Relative difference of a table's rate from the robot file's that is worth a word.
+const TABLE_RATE_NOTE: f64 = 2e-2;
 /// Jitter, as a share of the period, that the integration of one period a sample begins to feel.
 const JITTER_WARNING: f64 = 0.02;
 /// Share of the period that the computation of a tick may take.
@@ -62,26 +63,35 @@ fn count(recording: &Recording, flag: Flags) -> usize {
 
 fn report(timing: &Timing, recording: &Recording, findings: &mut Findings) {
     let mut add = |severity, message, advice| findings.add(severity, About::Timing, None, message, advice);
-    let nominal_hz = 1.0 / recording.period_s;
+    let nominal_hz = 1.0 / recording.robot.sample_period_s;
     let off = timing.rate_hz / nominal_hz - 1.0;
-    if off.abs() > RATE_WARNING {
-        let severity = if off.abs() > RATE_ERROR { Severity::Error } else { Severity::Warning };
-        add(
-            severity,
-            format!(
-                "{:.3} ticks a second where the robot file says {nominal_hz:.3} ({:+.2} %)",
-                timing.rate_hz,
-                100.0 * off
-            ),
-            "correct sample_period_s in the robot file, or the timer of the device: speeds and torques are off by as much",
-        );
+    let rates = format!(
+        "{:.3} ticks a second where the robot file says {nominal_hz:.3} ({:+.2} %)",
+        timing.rate_hz,
+        100.0 * off
+    );
+    let is_table = recording.imported_from.is_some();
+    if is_another_unit(timing.rate_hz, nominal_hz) {
+        add(Severity::Error, rates, "check the unit of the times, and sample_period_s in the robot file");
+    } else if off.abs() > RATE_WARNING && !is_table {
+        let advice = "stamps are used as they are: if the device's clock is right, correct sample_period_s in the robot file; if it is \
+                      not, its timer, or speeds and torques are off by as much";
+        add(Severity::Warning, rates, advice);
+    } else if off.abs() > TABLE_RATE_NOTE {
+        add(Severity::Note, rates, "nothing to do: each row is taken at its own stamp");
     }
     if timing.jitter_us > JITTER_WARNING * recording.period_s * 1e6 {
-        add(
-            Severity::Warning,
-            format!("the ticks jitter by {:.1} µs rms, at worst {:.0} µs", timing.jitter_us, timing.worst_step_us),
-            "stamp the samples in the control loop by a hardware timer, not where they arrive",
-        );
+        let message =
+            format!("the ticks jitter by {:.1} µs rms, at worst {:.0} µs", timing.jitter_us, timing.worst_step_us);
+        let (severity, advice) = match is_table {
+            true => {
+                (Severity::Note, "nothing to do if each row is stamped where it was taken: stamps are used as they are")
+            }
+            false => {
+                (Severity::Warning, "stamp the samples in the control loop by a hardware timer, not where they arrive")
+            }
+        };
+        add(severity, message, advice);
     }
     if timing.overruns > 0 {
         add(

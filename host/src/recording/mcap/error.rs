@@ -77,6 +77,12 @@ pub enum ReadError {
         /// What should have come.
         missing: &'static str,
     },
+    /// Several files, one behind the other.
+    #[error("a second file begins at byte {at_byte}: several recordings were put one behind the other")]
+    Several {
+        /// Where the second begins.
+        at_byte: u64,
+    },
     /// Made by a later version of the program.
     #[error("the recording has format {file}, and this program reads up to {ours}")]
     Version {
@@ -110,6 +116,12 @@ impl ReadError {
     /// What the user can do.
     pub fn advice(&self) -> String {
         match self {
+            Self::Several { at_byte } => {
+                return format!(
+                    "cut it apart and give both: head -c {at_byte} FILE > first.mcap; tail -c +{} FILE > second.mcap",
+                    at_byte + 1
+                );
+            }
             Self::Open { .. } => "check the path and that you may read the file",
             Self::Empty => "record or import again: there is nothing in this file to repair",
             Self::Foreign { advice, .. } => advice,

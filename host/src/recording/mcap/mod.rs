@@ -22,7 +22,7 @@
 mod error;
 mod protobuf;
 mod reader;
-mod records;
+pub(super) mod records;
 mod schema;
 #[cfg(test)]
 mod tests;
@@ -35,7 +35,7 @@ pub use writer::{Disk, WriteError, Writer, write};
 /// Raised when a reader of the version before would misunderstand the file.
 const FORMAT_VERSION: u32 = 1;
 /// Who made a file, in its MCAP header; a file of another profile is not ours.
-const PROFILE: &str = "flexible-joint-recording";
+pub(super) const PROFILE: &str = "flexible-joint-recording";
 
 const ROBOT_FILE: &str = "robot.toml";
 const MOTION_FILE: &str = "motion.toml";

@@ -44,6 +44,9 @@ pub fn parse(bytes: &[u8], path: &Path) -> Result<Recording, ReadError> {
         }
     }
     let end = records.at();
+    if let Some(at_byte) = records.next_file().filter(|_| closed) {
+        return Err(ReadError::Several { at_byte: at_byte as u64 });
+    }
     if !closed || !bytes.ends_with(mcap::MAGIC) {
         // Where a file is whole, the magic follows the last record.
         let lost_bytes = if closed { 0 } else { (bytes.len() - end) as u64 };
@@ -82,7 +85,7 @@ impl Parser {
                 Some(_) => {
                     return Err(ReadError::Foreign {
                         found: "an MCAP file of another program",
-                        advice: "export its samples to a CSV table and `host import` that",
+                        advice: "import it: host import BAG.mcap --robot R -o RUN.mcap reads the joint states of a ROS 2 bag; export others to a CSV table and import that",
                     });
                 }
                 None => self.damage.push(left_out("it does not parse".to_owned())),
@@ -154,12 +157,12 @@ impl Parser {
                 }
             }
             op::CHANNEL => {
-                let (id, schema, topic) = records::channel(record.body).ok_or_else(senseless)?;
-                self.channel(id, schema, topic, at)?;
+                let channel = records::channel(record.body).ok_or_else(senseless)?;
+                self.channel(channel.id, channel.schema, channel.topic, at)?;
             }
             op::MESSAGE => {
-                let (id, content) = records::message(record.body).ok_or_else(senseless)?;
-                self.message(id, content, at)?;
+                let message = records::message(record.body).ok_or_else(senseless)?;
+                self.message(message.channel, message.content, at)?;
             }
             _ => {}
         }
@@ -225,6 +228,7 @@ impl Parser {
                 zero_rad: about.zero_rad,
                 firmware: about.firmware,
                 imported_from: about.imported_from,
+                period_s: about.period_s.filter(|period_s| period_s.is_finite() && *period_s > 0.0),
             }));
         }
         Ok(self.recorder.as_mut().expect("made in the lines above"))

@@ -5,6 +5,8 @@
 //!   record = opcode u8 │ length u64 │ body
 //! ```
 
+use std::io::Read;
+
 use mcap::records::op;
 
 /// Largest chunk that is unpacked. Ours are 64 KiB; a tool that rewrote the file may have made them larger.
@@ -12,7 +14,7 @@ const MAX_CHUNK_BYTES: usize = 1 << 28;
 
 /// A record and where it begins.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Record<'a> {
+pub(in crate::recording) struct Record<'a> {
     pub at: usize,
     pub opcode: u8,
     pub body: &'a [u8],
@@ -20,19 +22,26 @@ pub(super) struct Record<'a> {
 
 /// Whole records, one after the other; the end of the bytes or of sense ends them.
 #[derive(Debug)]
-pub(super) struct Records<'a> {
+pub(in crate::recording) struct Records<'a> {
     bytes: &'a [u8],
     at: usize,
 }
 
 impl<'a> Records<'a> {
-    pub(super) fn from(bytes: &'a [u8], at: usize) -> Self {
+    pub(in crate::recording) fn from(bytes: &'a [u8], at: usize) -> Self {
         Self { bytes, at }
     }
 
     /// Where the next record would begin: the end of the bytes, if all was well.
-    pub(super) fn at(&self) -> usize {
+    pub(in crate::recording) fn at(&self) -> usize {
         self.at
+    }
+
+    /// Where a second file begins behind a whole one: several were put one behind the other.
+    pub(in crate::recording) fn next_file(&self) -> Option<usize> {
+        // The magic closes a file and begins the next.
+        let behind = self.bytes.get(self.at..)?.strip_prefix(mcap::MAGIC)?;
+        behind.starts_with(mcap::MAGIC).then_some(self.at + mcap::MAGIC.len())
     }
 }
 
@@ -50,7 +59,7 @@ impl<'a> Iterator for Records<'a> {
 }
 
 /// The records of a chunk, unpacked and checked; the error says what is wrong with it.
-pub(super) fn unpack_chunk(body: &[u8]) -> Result<Vec<u8>, String> {
+pub(in crate::recording) fn unpack_chunk(body: &[u8]) -> Result<Vec<u8>, String> {
     let mut cursor = Cursor(body);
     let header = (|| {
         let _times = (cursor.u64()?, cursor.u64()?);
@@ -63,7 +72,12 @@ pub(super) fn unpack_chunk(body: &[u8]) -> Result<Vec<u8>, String> {
     let unpacked = match compression {
         "" => packed.to_vec(),
         "zstd" => zstd::bulk::decompress(packed, size).map_err(|error| format!("it does not unpack ({error})"))?,
-        other => return Err(format!("its compression `{other}` is not supported")),
+        "lz4" => unpack_lz4(packed, size).map_err(|error| format!("it does not unpack ({error})"))?,
+        other => {
+            return Err(format!(
+                "its compression `{other}` is not known (zstd, lz4 and none are): mcap compress FILE -o OUT.mcap --compression zstd"
+            ));
+        }
     };
     if unpacked.len() != size || (crc != 0 && crc != crc32fast::hash(&unpacked)) {
         return Err("its checksum does not fit".to_owned());
@@ -71,8 +85,15 @@ pub(super) fn unpack_chunk(body: &[u8]) -> Result<Vec<u8>, String> {
     Ok(unpacked)
 }
 
+/// At most one byte more than `size`, which the caller tells from a chunk that has what it says.
+fn unpack_lz4(packed: &[u8], size: usize) -> std::io::Result<Vec<u8>> {
+    let mut unpacked = Vec::with_capacity(size);
+    lz4::Decoder::new(packed)?.take(size as u64 + 1).read_to_end(&mut unpacked)?;
+    Ok(unpacked)
+}
+
 /// Name and content of an attachment whose checksum fits.
-pub(super) fn attachment(body: &[u8]) -> Option<(&str, &[u8])> {
+pub(in crate::recording) fn attachment(body: &[u8]) -> Option<(&str, &[u8])> {
     let (checked, crc) = body.split_last_chunk::<4>()?;
     if u32::from_le_bytes(*crc) != crc32fast::hash(checked) {
         return None;
@@ -85,34 +106,53 @@ pub(super) fn attachment(body: &[u8]) -> Option<(&str, &[u8])> {
 }
 
 /// The profile that the file's header names.
-pub(super) fn profile(header: &[u8]) -> Option<&str> {
+pub(in crate::recording) fn profile(header: &[u8]) -> Option<&str> {
     Cursor(header).text()
 }
 
 /// Id, name and content of a schema.
-pub(super) fn schema(body: &[u8]) -> Option<(u16, &str, &[u8])> {
+pub(in crate::recording) fn schema(body: &[u8]) -> Option<(u16, &str, &[u8])> {
     let mut cursor = Cursor(body);
     let (id, name, _encoding) = (cursor.u16()?, cursor.text()?, cursor.text()?);
     let length = usize::try_from(cursor.u32()?).ok()?;
     Some((id, name, cursor.take(length)?))
 }
 
-/// Id, id of the schema, and topic of a channel.
-pub(super) fn channel(body: &[u8]) -> Option<(u16, u16, &str)> {
-    let mut cursor = Cursor(body);
-    Some((cursor.u16()?, cursor.u16()?, cursor.text()?))
+/// A channel.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::recording) struct Channel<'a> {
+    pub id: u16,
+    /// Id of its schema.
+    pub schema: u16,
+    pub topic: &'a str,
+    /// How its messages are encoded.
+    pub encoding: &'a str,
 }
 
-/// Id of the channel and content of a message.
-pub(super) fn message(body: &[u8]) -> Option<(u16, &[u8])> {
+pub(in crate::recording) fn channel(body: &[u8]) -> Option<Channel<'_>> {
     let mut cursor = Cursor(body);
-    let id = cursor.u16()?;
-    let _sequence_and_times = (cursor.u32()?, cursor.u64()?, cursor.u64()?);
-    Some((id, cursor.0))
+    Some(Channel { id: cursor.u16()?, schema: cursor.u16()?, topic: cursor.text()?, encoding: cursor.text()? })
+}
+
+/// A message.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::recording) struct Message<'a> {
+    /// Id of its channel.
+    pub channel: u16,
+    /// When it was written, ns of the clock of the file.
+    pub log_ns: u64,
+    pub content: &'a [u8],
+}
+
+pub(in crate::recording) fn message(body: &[u8]) -> Option<Message<'_>> {
+    let mut cursor = Cursor(body);
+    let channel = cursor.u16()?;
+    let (_sequence, log_ns, _publish_ns) = (cursor.u32()?, cursor.u64()?, cursor.u64()?);
+    Some(Message { channel, log_ns, content: cursor.0 })
 }
 
 /// What a record is called in a message to the user.
-pub(super) fn name(opcode: u8) -> &'static str {
+pub(in crate::recording) fn name(opcode: u8) -> &'static str {
     match opcode {
         op::ATTACHMENT => "attachment",
         op::CHUNK => "chunk",

@@ -34,15 +34,12 @@ const LOG_FIELDS: [(&str, Kind); 5] = [
 const BALANCE_FIELDS: [&str; 8] =
     ["ticks", "received", "missing", "device_dropped", "host_dropped", "line_lost", "damaged_frames", "closed"];
 
-/// Column names of a sample after those of the tick: `u1…`, then the channels.
-fn column_names(robot: &Robot) -> Vec<String> {
-    let inputs = (1..=robot.joints.len()).map(|joint| format!("u{joint}"));
-    inputs.chain(robot.channels().into_iter().map(|channel| channel.column)).collect()
-}
-
 pub(super) fn sample_type(robot: &Robot) -> MessageType {
-    let columns = column_names(robot);
-    MessageType::new(SAMPLE.1, TICK_FIELDS.into_iter().chain(columns.iter().map(|name| (name.as_str(), Kind::Double))))
+    let columns = robot.columns();
+    MessageType::new(
+        SAMPLE.1,
+        TICK_FIELDS.into_iter().chain(columns[1..].iter().map(|name| (name.as_str(), Kind::Double))),
+    )
 }
 
 pub(super) fn event_type() -> MessageType {
@@ -131,7 +128,7 @@ pub(super) struct MissingColumn(pub String);
 impl SampleDecoder {
     /// The decoder for samples of `written` type and the columns of `robot`.
     pub(super) fn new(written: &MessageType, robot: &Robot) -> Result<Self, MissingColumn> {
-        let names = column_names(robot);
+        let names = &robot.columns()[1..];
         let mut slots = Vec::new();
         let mut place = |name: &str, kind: Kind, slot: Slot| {
             let found = written.fields.iter().find(|field| field.name == name && field.kind == kind);
@@ -252,4 +249,7 @@ pub(super) struct SessionFile {
     pub zero_rad: Vec<f64>,
     pub firmware: Option<Firmware>,
     pub imported_from: Option<Source>,
+    /// The recording's own period, s; the robot's if left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub period_s: Option<f64>,
 }

@@ -7,7 +7,7 @@ use std::rc::Rc;
 
 use proptest::prelude::*;
 
-use super::records::Records;
+use super::records::{Record, Records, unpack_chunk};
 use super::{Damage, ReadError, WriteError, Writer, parse, write};
 use crate::recording::fixture::{any_recording, assert_same, plain, row};
 use crate::recording::{Event, LossBalance, Recording, RowError, Session, Severity};
@@ -201,4 +201,69 @@ fn what_happened_last_is_in_the_file_at_once() {
     let read = read(&glass.0.borrow()).unwrap();
     assert_eq!(read.events, [event]);
     assert_eq!(read.balance.map(|balance| balance.ticks), Some(1));
+}
+
+/// The same file with its chunks packed as lz4, as other tools do; what comes behind the samples is left out.
+fn with_lz4(bytes: &[u8]) -> Vec<u8> {
+    let mut packed = mcap::MAGIC.to_vec();
+    let mut record = |opcode: u8, body: &[u8]| {
+        packed.push(opcode);
+        packed.extend((body.len() as u64).to_le_bytes());
+        packed.extend(body);
+    };
+    for Record { opcode, body, .. } in Records::from(bytes, mcap::MAGIC.len()) {
+        match opcode {
+            mcap::records::op::CHUNK => {
+                let unpacked = unpack_chunk(body).unwrap();
+                let mut encoder = lz4::EncoderBuilder::new().build(Vec::new()).unwrap();
+                encoder.write_all(&unpacked).unwrap();
+                let (content, result) = encoder.finish();
+                result.unwrap();
+                // Times, size and checksum stay.
+                let chunk = [&body[..28], &3u32.to_le_bytes(), b"lz4", &(content.len() as u64).to_le_bytes(), &content];
+                record(opcode, &chunk.concat());
+            }
+            mcap::records::op::DATA_END => {
+                record(opcode, &[0; 4]);
+                break;
+            }
+            _ => record(opcode, body),
+        }
+    }
+    [&packed[..], mcap::MAGIC].concat()
+}
+
+#[test]
+fn chunks_in_lz4_are_read() {
+    let whole = plain(1_000);
+    let packed = with_lz4(&file(&whole));
+    let again = read(&packed).unwrap();
+    assert_same(&again, &whole);
+    assert_eq!(again.damage, []);
+    // A chunk whose size is not what it says, and a compression that nobody knows, are told as such.
+    let chunk = Records::from(&packed, mcap::MAGIC.len()).find(|r| r.opcode == mcap::records::op::CHUNK).unwrap();
+    let says = |body: &[u8], expected: &str| {
+        let reason = unpack_chunk(body).unwrap_err();
+        assert!(reason.contains(expected), "{reason}");
+    };
+    let mut body = chunk.body.to_vec();
+    body[16] ^= 1;
+    says(&body, "checksum");
+    let mut body = chunk.body.to_vec();
+    body[32..35].copy_from_slice(b"xzz");
+    says(&body, "compression `xzz` is not known (zstd, lz4 and none are): mcap compress");
+    let mut body = chunk.body.to_vec();
+    let middle = body.len() / 2;
+    body.truncate(middle);
+    says(&body, "shorter");
+}
+
+#[test]
+fn files_one_behind_the_other_are_refused_with_the_place() {
+    let first = file(&plain(100));
+    let both = [&first[..], &file(&plain(50))].concat();
+    let error = read(&both).unwrap_err();
+    assert!(error.to_string().contains(&format!("a second file begins at byte {}", first.len())), "{error}");
+    assert!(error.advice().contains(&format!("head -c {}", first.len())), "{}", error.advice());
+    assert_eq!(read(&first).unwrap().len(), 100);
 }

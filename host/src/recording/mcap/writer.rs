@@ -121,6 +121,7 @@ impl<W: Write> Writer<W> {
             zero_rad: session.zero_rad.clone(),
             firmware: session.firmware.clone(),
             imported_from: session.imported_from.clone(),
+            period_s: session.period_s,
         };
         let about = serde_json::to_string_pretty(&about).map_err(|error| mcap::McapError::Io(error.into()))?;
         attach(SESSION_FILE, "application/json", &about)?;

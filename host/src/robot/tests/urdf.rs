@@ -146,3 +146,84 @@ fn a_urdf_that_is_not_the_robot_s_chain_is_refused_by_name() {
     let error = load(REST, &circle).unwrap_err().to_string();
     assert!(error.contains("follows slide"), "{error}");
 }
+
+/// The error of the first joint's link, or of the text.
+#[track_caller]
+fn refused(rest: &str, urdf: &str, parts: &[&str]) {
+    let error = load(rest, urdf).unwrap_err().to_string();
+    for part in parts {
+        assert!(error.contains(part), "`{part}` is not in: {error}");
+    }
+}
+
+#[test]
+fn a_link_without_inertia_behind_a_spring_is_named() {
+    let massless = URDF
+        .replace("<mass value=\"2\"/>\n    <inertia ixx=\"0.01\"", "<mass value=\"0\"/>\n    <inertia ixx=\"0.01\"")
+        .replace(
+            "ixx=\"0.01\" ixy=\"0\" ixz=\"0\" iyy=\"0.02\" iyz=\"0\" izz=\"0.025\"",
+            "ixx=\"0\" ixy=\"0\" ixz=\"0\" iyy=\"0\" iyz=\"0\" izz=\"0\"",
+        )
+        .replace("<mass value=\"2\"/><inertia", "<mass value=\"0\"/><inertia");
+    // What is behind it gives it an inertia…
+    load(REST, &massless).unwrap();
+    // …but not where that has none.
+    let nothing = massless.replace("<mass value=\"1\"/>", "<mass value=\"0\"/>").replace("0.001", "0");
+    refused(REST, &nothing, &["link `upper` of arm.urdf", "joint[1].body", "`shoulder` on its spring", "rigid"]);
+    // A rigid joint has its motor's, and an elastic one may be given some.
+    load(
+        &REST.replace("\"elastic\"", "\"rigid\"").replace(", k_s = { start = 900.0 }, d_s = { start = 1.0 }", ""),
+        &nothing,
+    )
+    .unwrap();
+    load(&REST.replace("b = { start = 0.2 }", "b = { start = 0.2 }, J = { start = 0.1 }"), &nothing).unwrap();
+}
+
+#[test]
+fn bodies_in_millimetres_and_grams_are_asked_about() {
+    let millimetres = URDF.replace("xyz=\"0.2 0 0\"", "xyz=\"200 0 0\"").replace(
+        "ixx=\"0.01\" ixy=\"0\" ixz=\"0\" iyy=\"0.02\" iyz=\"0\" izz=\"0.025\"",
+        "ixx=\"10000\" ixy=\"0\" ixz=\"0\" iyy=\"20000\" iyz=\"0\" izz=\"25000\"",
+    );
+    refused(REST, &millimetres, &["link `upper` of arm.urdf", "kg m²", "mass of 4 kg", "millimetres and grams?"]);
+    // The inertia alone, and the way between joints alone.
+    let inertia = URDF.replace(
+        "ixx=\"0.01\" ixy=\"0\" ixz=\"0\" iyy=\"0.02\" iyz=\"0\" izz=\"0.025\"",
+        "ixx=\"10000\" ixy=\"0\" ixz=\"0\" iyy=\"20000\" iyz=\"0\" izz=\"25000\"",
+    );
+    refused(REST, &inertia, &["link `upper` of arm.urdf", "inertia of 25000.04", "millimetres and grams?"]);
+    refused(
+        REST,
+        &URDF.replace("xyz=\"0.1 0 0\"", "xyz=\"100 0 0\""),
+        &["joint `shoulder` of arm.urdf", "100.0", "millimetres"],
+    );
+    // The arm of a crane: centre 9 m, gyration 8 m.
+    let crane = URDF.replace("xyz=\"0.2 0 0\"", "xyz=\"9 0 0\"").replace(
+        "ixx=\"0.01\" ixy=\"0\" ixz=\"0\" iyy=\"0.02\" iyz=\"0\" izz=\"0.025\"",
+        "ixx=\"1\" ixy=\"0\" ixz=\"0\" iyy=\"128\" iyz=\"0\" izz=\"128\"",
+    );
+    load(REST, &crane).unwrap();
+}
+
+#[test]
+fn numbers_that_are_none_are_told_with_line_and_attribute() {
+    let limit = "<limit lower=\"-1\" upper=\"2\"";
+    let with = |text: &str| URDF.replace(limit, text);
+    refused(
+        REST,
+        &with("<limit lower=\"${-pi}\" upper=\"2\""),
+        &["arm.urdf, line 10, attribute lower of <limit>", "`${-pi}`", "run xacro first"],
+    );
+    refused(REST, &with("<limit lower=\"$(arg low)\" upper=\"2\""), &["line 10", "run xacro first"]);
+    refused(
+        REST,
+        &with("<limit lower=\"-1\"\n  upper='1,5'"),
+        &["line 11, attribute upper of <limit>", "`1,5`", "decimal point"],
+    );
+    refused(REST, &URDF.replace("xyz=\"0.4 0 0\"", "xyz=\"0.4 0\""), &["attribute xyz of <origin>", "three numbers"]);
+    refused(REST, &with("<limit lower=\"low\" upper=\"2\""), &["`low`", "is not a number"]);
+    let macros = URDF.replace("<link name=\"post\"/>", "<!-- <xacro:post/> -->\n<xacro:post name=\"post\"/>");
+    refused(REST, &macros, &["line 8, element", "<xacro:post>", "run xacro first"]);
+    // What an expanded file keeps of xacro is no reason to refuse it.
+    load(REST, &URDF.replace("<robot name", "<robot xmlns:xacro=\"http://www.ros.org/wiki/xacro\" name")).unwrap();
+}

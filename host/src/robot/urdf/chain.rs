@@ -15,6 +15,9 @@ pub(super) struct UrdfJoint {
     pub rotation: [[f64; 3]; 3],
     /// None where it turns for ever.
     pub limits: Option<[f64; 2]>,
+    /// Name of the link that it moves.
+    pub link: String,
+    /// That link, with all that is fixed to it.
     pub body: Body,
 }
 
@@ -126,6 +129,7 @@ impl<'a> Tree<'a> {
             origin_m: frame.translation.vector.into(),
             rotation: rows(rotation.matrix()),
             limits: limits.filter(|range| range.iter().all(|limit| limit.is_finite())),
+            link: joint.child.link.clone(),
             body: joined(&parts),
         })
     }

@@ -11,6 +11,7 @@
 //! joints are part of the body before them.
 
 mod chain;
+mod text;
 
 use std::path::Path;
 
@@ -31,17 +32,43 @@ struct UrdfTable {
     locked: Vec<String>,
 }
 
+/// A description with what its URDF says written out.
+pub(super) struct Expanded {
+    /// The complete file.
+    pub text: String,
+    /// Fields that the URDF gave, as `joint[1].body`, and what they are called there.
+    given: Vec<(String, String)>,
+}
+
+impl Expanded {
+    /// The error, with its field as the URDF calls it if it stands there.
+    pub(super) fn name(&self, error: RobotError) -> RobotError {
+        match error {
+            RobotError::Invalid { field, value, advice } => {
+                let of = |given: &str| {
+                    field.strip_prefix(given).is_some_and(|rest| !rest.starts_with(|c: char| c.is_alphanumeric()))
+                };
+                let given = self.given.iter().find(|(given, _)| of(given));
+                let field = given.map_or(field.clone(), |(_, name)| format!("{name} ({field})"));
+                RobotError::Invalid { field, value, advice }
+            }
+            other => other,
+        }
+    }
+}
+
 /// The description in `text` with what its `[urdf]` section points at written out; `None` where it has none. `folder` is the file's.
 ///
 /// # Errors
 /// [`RobotError`] where the URDF cannot be read or is not the chain that the description speaks of.
-pub(super) fn expand(text: &str, folder: &Path) -> Result<Option<String>, RobotError> {
+pub(super) fn expand(text: &str, folder: &Path) -> Result<Option<Expanded>, RobotError> {
     // What is not TOML is told by the reader of complete files, with its place.
     let Ok(mut file) = text.parse::<Table>() else { return Ok(None) };
     let Some(section) = file.remove("urdf") else { return Ok(None) };
     let section: UrdfTable = section.try_into().map_err(|error| RobotError::syntax(&error))?;
     let path = folder.join(&section.file);
     let urdf = std::fs::read_to_string(&path).map_err(|source| RobotError::Read { path: path.clone(), source })?;
+    text::check(&urdf, &section.file)?;
     let unreadable = |error| RobotError::invalid("urdf.file", path.display(), format!("is no URDF: {error}"));
     let urdf = urdf_rs::read_from_string(&urdf).map_err(unreadable)?;
     let Some(Value::Array(joints)) = file.get_mut("joint") else {
@@ -51,23 +78,37 @@ pub(super) fn expand(text: &str, folder: &Path) -> Result<Option<String>, RobotE
     };
     let names: Vec<String> = joints.iter().map(|joint| name(joint).unwrap_or_default().to_owned()).collect();
     let chain = Tree::of(&urdf).chain(&names, &section.locked)?;
-    for (table, joint) in joints.iter_mut().zip(&chain) {
+    let mut given = Vec::new();
+    for (index, (table, joint)) in joints.iter_mut().zip(&chain).enumerate() {
         if let Value::Table(table) = table {
-            fill(table, joint);
+            for key in fill(table, joint) {
+                let name = match key {
+                    "body" => format!("link `{}` of {}", joint.link, section.file),
+                    _ => format!("joint `{}` of {}", names[index], section.file),
+                };
+                given.push((format!("joint[{}].{key}", index + 1), name));
+            }
         }
     }
-    toml::to_string(&file).map(Some).map_err(|error| RobotError::invalid("urdf", section.file, error.to_string()))
+    match toml::to_string(&file) {
+        Ok(text) => Ok(Some(Expanded { text, given })),
+        Err(error) => Err(RobotError::invalid("urdf", section.file, error.to_string())),
+    }
 }
 
 fn name(joint: &Value) -> Option<&str> {
     joint.get("name")?.as_str()
 }
 
-/// Gives a joint's table what it leaves out.
-fn fill(table: &mut Table, joint: &UrdfJoint) {
+/// Gives a joint's table what it leaves out; which fields that were.
+fn fill(table: &mut Table, joint: &UrdfJoint) -> Vec<&'static str> {
+    let mut filled = Vec::new();
     let vector = |values: &[f64]| Value::Array(values.iter().map(|v| Value::Float(*v)).collect());
-    let mut give = |key: &str, value: Value| {
-        table.entry(key).or_insert(value);
+    let mut give = |key: &'static str, value: Value| {
+        if !table.contains_key(key) {
+            table.insert(key.to_owned(), value);
+            filled.push(key);
+        }
     };
     let (kind, limits) = match joint.kind {
         JointKind::Revolute => ("revolute", "limits_rad"),
@@ -91,4 +132,5 @@ fn fill(table: &mut Table, joint: &UrdfJoint) {
     given.insert("centre_m".into(), vector(&body.centre_m));
     given.insert("inertia_kg_m2".into(), Value::Table(inertia));
     give("body", Value::Table(given));
+    filled
 }

@@ -34,7 +34,12 @@ pub(super) fn import(table: &ImportTable, robot: &Robot) -> Checked<Import> {
             return Err(RobotError::invalid(format!("import.columns.{}", column.name), &column.column, advice));
         }
     }
-    Ok(Import { time, separator, decimal, missing: table.missing.clone(), columns })
+    let torque_on = table.torque_on.clone();
+    if let Some(name) = columns.iter().find(|column| Some(&column.column) == torque_on.as_ref()).map(|c| &c.name) {
+        let advice = format!("{name} comes from this column already");
+        return Err(RobotError::invalid("import.torque_on", torque_on.unwrap_or_default(), advice));
+    }
+    Ok(Import { time, separator, decimal, missing: table.missing.clone(), torque_on, columns })
 }
 
 fn character(field: &str, given: Option<&str>, default: char, allowed: &[char]) -> Checked<char> {

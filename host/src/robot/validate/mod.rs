@@ -8,7 +8,7 @@ use super::chain::MAX_JOINTS;
 use super::file::{
     BodyTable, FrictionLaw, FrictionTable, InputTable, JointTable, ParameterTable, RobotFile, StartOrFixed,
 };
-use super::vector::IDENTITY;
+use super::vector::{IDENTITY, norm};
 use super::{
     Body, Friction, Input, InputNoise, InputUnit, Joint, JointKind, Matrix3, Parameter, ParameterSpec, Robot,
     RobotError, Side, Symbol, Transmission, Unmodelled,
@@ -24,6 +24,12 @@ const _: () = assert!(MAX_DRIVEN_JOINTS < MAX_JOINTS);
 
 /// How far an axis or rotation may be from unit length and right angles: the rounding of a hand-written file.
 const ROUNDING: f64 = 1e-3;
+
+/// No body, and no way from joint to joint, is so long, m: cranes and the largest arms have 10. Halved, they are refused; doubled, a part of 30 mm
+/// passes that is given in millimetres.
+const MOST_LENGTH_M: f64 = 20.0;
+/// Share of a link's inertia that is left where the links behind it move freely: less is rounding.
+const LEAST_INERTIA: f64 = 1e-9;
 
 pub(super) fn robot(file: RobotFile, text: &str) -> Checked<Robot> {
     identifier("name", &file.name)?;
@@ -69,6 +75,7 @@ pub(super) fn robot(file: RobotFile, text: &str) -> Checked<Robot> {
         import: None,
         toml: text.to_owned(),
     };
+    free_links(&robot)?;
     robot.import = file.import.as_ref().map(|table| import::import(table, &robot)).transpose()?;
     Ok(robot)
 }
@@ -85,6 +92,10 @@ fn joint(index: usize, table: &JointTable) -> Checked<Joint> {
     }
     positive(&format!("{at}.gear"), table.gear, "give motor radians per radian (or metre) of the link")?;
     finite(&format!("{at}.origin_m"), &table.origin_m)?;
+    if norm(table.origin_m) > MOST_LENGTH_M {
+        let value = format!("{:?}", table.origin_m);
+        return Err(RobotError::invalid(format!("{at}.origin_m"), value, MILLIMETRES));
+    }
     Ok(Joint {
         name: table.name.clone(),
         kind,
@@ -158,6 +169,7 @@ fn body(at: &str, table: &BodyTable) -> Checked<Body> {
         finite(&format!("{at}.inertia_kg_m2"), row)?;
     }
     physical_inertia(&format!("{at}.inertia_kg_m2"), &tensor)?;
+    believable_size(at, table.mass_kg, table.centre_m, &tensor)?;
     Ok(Body { mass_kg: table.mass_kg, centre_m: table.centre_m, inertia_kg_m2: tensor })
 }
 
@@ -173,6 +185,61 @@ fn physical_inertia(at: &str, tensor: &Matrix3) -> Checked<()> {
         let advice = "no body has such an inertia: each principal moment lies between zero and the sum of the other \
                       two; check units, signs, and that it is about the centre of mass";
         return Err(RobotError::invalid(at, value, advice));
+    }
+    Ok(())
+}
+
+const MILLIMETRES: &str = "no robot is so large: millimetres and grams? Lengths are in m (mm / 1000), masses in kg (g / 1000), inertias in kg m² \
+                           (kg mm² / 1e6, g mm² / 1e9)";
+
+/// A body is not larger than any robot, by its centre and by its radius of gyration.
+fn believable_size(at: &str, mass_kg: f64, centre_m: [f64; 3], tensor: &Matrix3) -> Checked<()> {
+    let largest = nalgebra::Matrix3::from_fn(|i, j| tensor[i][j]).symmetric_eigenvalues().max();
+    let away_m = norm(centre_m);
+    let gyration_m = if mass_kg > 0.0 { (largest.max(0.0) / mass_kg).sqrt() } else { 0.0 };
+    if away_m.max(gyration_m) <= MOST_LENGTH_M {
+        return Ok(());
+    }
+    let value = format!("inertia of {largest} kg m², mass of {mass_kg} kg, centre {away_m} m from the joint");
+    Err(RobotError::invalid(at, value, MILLIMETRES))
+}
+
+/// A link on a spring moves by its own inertia: none may be without, however the links behind it move.
+fn free_links(robot: &Robot) -> Checked<()> {
+    let joints = robot.joints.len();
+    let start = |symbol, joint| robot.joint_parameter(symbol, joint).map_or(0.0, |spec| spec.value.start);
+    let mut chain = robot.chain();
+    for joint in 0..joints {
+        for symbol in Symbol::OF_BODIES {
+            chain = chain.with_moment(joint, symbol, start(symbol, joint));
+        }
+    }
+    let middle: Vec<f64> = robot.joints.iter().map(|joint| 0.5 * (joint.limits[0] + joint.limits[1])).collect();
+    let mut m = vec![0.0; joints * joints];
+    chain.mass_matrix(&middle, &mut m);
+    let is_rigid = |joint: usize| robot.joints[joint].transmission == Transmission::Rigid;
+    // The motor of a rigid joint moves with its link, and may be all its inertia.
+    for joint in (0..joints).filter(|&joint| is_rigid(joint)) {
+        m[joint * joints + joint] += start(Symbol::B, joint);
+    }
+    // Eliminated from the outermost link inwards, each pivot is what a joint feels while those behind it are free.
+    for last in (0..joints).rev() {
+        let (pivot, own) = (m[last * joints + last], m[last * joints + last].abs());
+        let whole = (0..joints).map(|j| m[j * joints + j].abs()).fold(own, f64::max);
+        if pivot.is_nan() || pivot <= LEAST_INERTIA * whole {
+            if is_rigid(last) {
+                return Ok(()); // told by the calibration, which may find it
+            }
+            let advice = "a link behind a spring needs an inertia: give its body mass and inertia, J = { start = … } under [joint.parameters], or \
+                          transmission = \"rigid\"";
+            let value = format!("no inertia that moves joint `{}` on its spring", robot.joints[last].name);
+            return Err(RobotError::invalid(format!("joint[{}].body", last + 1), value, advice));
+        }
+        for i in 0..last {
+            for j in 0..last {
+                m[i * joints + j] -= m[i * joints + last] * m[last * joints + j] / pivot;
+            }
+        }
     }
     Ok(())
 }

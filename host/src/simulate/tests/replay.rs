@@ -7,7 +7,7 @@ use std::path::PathBuf;
 use nalgebra::{Matrix3, Rotation3};
 
 use crate::effect::{Hidden, backlash, base_bearing, voltage_sag};
-use crate::recording::{Recording, csv};
+use crate::recording::{Recording, import};
 use crate::robot::{ChannelKind, Robot, Symbol};
 use crate::simulate::{Plant, Truth};
 
@@ -105,7 +105,7 @@ fn recording(name: &str, motion: &str) -> Option<Recording> {
         return None;
     };
     let path = PathBuf::from(folder).join(name).join(format!("{motion}.csv.gz"));
-    Some(csv::read(&path, &Robot::builtin("doggy").unwrap()).unwrap().recording)
+    Some(import::read(&path, &Robot::builtin("doggy").unwrap(), None).unwrap().recording)
 }
 
 /// What is left of a recording after a free run of the plant from its first sample to its last.

@@ -1,14 +1,16 @@
 //! Units, signs, axes and columns: does what one sensor says agree with what another says, and with the robot file?
 //!
 //! ```text
+//! jumps       positions that begin again after a turn
 //! positions   against the joint's limits            degrees, counts, the motor's side of the gear, no zero position
-//! inputs      against the speeds that follow        signs, swapped columns
+//! inputs      against the torque of the motion      signs, swapped columns
 //! pairs       motor encoder, link encoder, tachometer of one joint: a factor between them
 //! rates       gyros against encoders                hypotheses: what would make them agree?
 //! ```
 
 mod correlation;
 mod inputs;
+mod jumps;
 mod pairs;
 mod positions;
 mod rates;
@@ -18,6 +20,7 @@ use super::{Findings, stats};
 use crate::recording::{Recording, Severity};
 
 pub(super) fn look(recording: &Recording, findings: &mut Findings) {
+    jumps::look(recording, findings);
     let scene = rates::Scene::of(recording);
     positions::look(recording, scene.as_ref(), findings);
     let clear = |findings: &Findings| {

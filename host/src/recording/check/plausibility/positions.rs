@@ -65,9 +65,11 @@ pub(super) fn look(recording: &Recording, scene: Option<&Scene<'_>>, findings: &
         let named = (!fits).then_some(chosen.as_deref()).flatten();
         let named = named.and_then(|looks| e.mistakes.iter().find(|mistake| mistake.looks == looks));
         let impossible = e.low.abs().max(e.high.abs()) > IMPOSSIBLE * e.allowed;
+        // Readings of which some are where they may be can come from a joint that goes on beyond its limits.
+        let outside = 0.5 * (e.low + e.high).abs() > e.allowed;
         let (severity, what, advice) = match named {
             _ if fits => (
-                Severity::Error,
+                if outside { Severity::Error } else { Severity::Warning },
                 "but its span fits".to_owned(),
                 "set the zero position: hold the robot in its marked pose, command \"set zero\", record again; in a table, subtract it (zero under import.columns in the robot file)",
             ),

@@ -1,16 +1,22 @@
-//! Gyros against encoders. What the encoders predict of each gyro in slow motion, where transmissions hardly bend, is
-//! compared with what it reads; where they do not agree, the mistake is named that would make them.
+//! Gyros against encoders, below the frequencies at which transmissions swing: there a link goes where its motor does.
+//! What the encoders predict of each gyro is compared with what it reads, but for a lag; where they do not agree, the mistake is
+//! named that would make them.
 
-use super::stats::{full_input, half_window, mean_rate, position, range, window_mean};
+use super::stats::{position, range, smooth};
 use super::unit;
 use crate::recording::check::{About, Findings};
 use crate::recording::{Channel, Recording, Severity};
-use crate::robot::{ChannelKind, Gyro};
+use crate::robot::{ChannelKind, Gyro, Robot, Symbol, Transmission};
 
-/// Up to this share of the full input a motion is slow: the gyros see the motors' speeds.
-const SLOW_INPUT: f64 = 0.2;
-/// After a larger input a transmission swings for so long.
-const SETTLING_S: f64 = 0.3;
+/// Periods of the slowest transmission over which rates are smoothed, on either side: it is then cut to a twentieth where it swings, and
+/// bends by a fifth where a third is left. At half of it a belt that swings is seen; at twice of it a motion of some hertz is not.
+const SMOOTH_PERIODS: f64 = 1.5;
+/// The same where all transmissions are rigid, s: long against the steps of encoders.
+const SMOOTH_RIGID_S: f64 = 0.02;
+/// And at most, s: a belt softer than 3 Hz is no belt, a start value is wrong.
+const SMOOTH_MOST_S: f64 = 0.5;
+/// A gyro may lag, or lead, by so much, s: its own filter, and another clock. More is told by no rate, but by a calibration.
+const MOST_LAG_S: f64 = 0.05;
 /// A gyro that misses more than this share of the motion does not agree. Wrong by 1.5 in scale is 0.1 … 0.25, a wrong
 /// sign 4, another unit 0.97 or 3000.
 const DISAGREES: f64 = 0.5;
@@ -34,12 +40,13 @@ const LEAST_SAMPLES: usize = 200;
 /// So many samples are looked at.
 const MOST_SAMPLES: usize = 2000;
 
-/// The slow samples of a recording.
+/// What encoders and gyros say of the slow part of a motion.
 pub(super) struct Scene<'a> {
     recording: &'a Recording,
     /// Positions and speeds by sample, then joint.
     motion: Vec<(Vec<f64>, Vec<f64>)>,
-    gyros: Vec<(&'a Gyro, Vec<[f64; 3]>)>,
+    /// Readings by lag, then sample; the lag in the middle is none.
+    gyros: Vec<(&'a Gyro, Vec<Vec<[f64; 3]>>)>,
     /// Time from one of these samples to the next, on the whole.
     period_s: f64,
     /// Variance of a predicted rate by the noise of the encoders, of all axes together, (rad/s)²: what a robot that stands still seems to do.
@@ -68,37 +75,36 @@ impl<'a> Scene<'a> {
         recording.robot.gyros().next()?;
         let encoders: Option<Vec<&Channel>> = (0..joints).map(|joint| position(recording, joint)).collect();
         let encoders = encoders?;
-        let span_s = 2.0 * half_window(recording) as f64 * recording.period_s;
+        let half = ((smoothing_s(recording) / recording.period_s).round() as usize).max(1);
+        let span_s = 2.0 * half as f64 * recording.period_s;
         let still = encoders.iter().map(|encoder| 2.0 * (encoder.spec.sigma / span_s).powi(2)).sum();
-        let columns: Vec<&[f64]> = encoders.iter().map(|encoder| encoder.values.as_slice()).collect();
-        let speeds: Vec<Vec<f64>> = columns.iter().map(|values| mean_rate(recording, values)).collect();
-        let most = SLOW_INPUT * full_input(recording);
-        let quiet = |k: usize| recording.duty.iter().all(|u| u[k].abs() <= most);
-        let mut quiet_since_s = recording.time_s(0);
-        let slow: Vec<usize> = (0..recording.len())
-            .filter(|&k| {
-                if !quiet(k) {
-                    quiet_since_s = recording.time_s(k) + SETTLING_S;
-                }
-                recording.time_s(k) >= quiet_since_s && speeds.iter().all(|speed| !speed[k].is_nan())
-            })
-            .collect();
-        if slow.len() < LEAST_SAMPLES {
+        let positions: Vec<Vec<f64>> =
+            encoders.iter().map(|encoder| smooth(recording, &encoder.values, half)).collect();
+        let speeds: Vec<Vec<f64>> = positions.iter().map(|values| speeds(recording, values)).collect();
+        let told: Vec<usize> =
+            (0..recording.len()).filter(|&k| speeds.iter().all(|speed| !speed[k].is_nan())).collect();
+        if told.len() < LEAST_SAMPLES {
             return None;
         }
-        let step = slow.len().div_ceil(MOST_SAMPLES);
-        let picks: Vec<usize> = slow.iter().copied().step_by(step).collect();
-        let at = |columns: &[&[f64]], k: usize| columns.iter().map(|column| column[k]).collect::<Vec<f64>>();
-        let by_speed: Vec<&[f64]> = speeds.iter().map(Vec::as_slice).collect();
-        let motion = picks.iter().map(|&k| (at(&columns, k), at(&by_speed, k))).collect();
+        let step = told.len().div_ceil(MOST_SAMPLES);
+        let picks: Vec<usize> = told.iter().copied().step_by(step).collect();
+        let at = |columns: &[Vec<f64>], k: usize| columns.iter().map(|column| column[k]).collect::<Vec<f64>>();
+        let motion = picks.iter().map(|&k| (at(&positions, k), at(&speeds, k))).collect();
+        let lags = (MOST_LAG_S / recording.period_s).round() as isize;
         let gyros = recording.robot.gyros().enumerate().filter_map(|(index, gyro)| {
             let axis = |axis| {
                 let kind = ChannelKind::GyroAxis { gyro: index, body: gyro.body, axis };
                 let channel = recording.channels.iter().find(|channel| channel.spec.kind == kind)?;
-                Some(window_mean(recording, &channel.values))
+                Some(smooth(recording, &channel.values, half))
             };
             let axes = [axis(0)?, axis(1)?, axis(2)?];
-            Some((gyro, picks.iter().map(|&k| [axes[0][k], axes[1][k], axes[2][k]]).collect()))
+            let read = |k: usize, lag: isize| {
+                let k = k.checked_add_signed(lag).filter(|k| *k < recording.len());
+                k.map_or([f64::NAN; 3], |k| [axes[0][k], axes[1][k], axes[2][k]])
+            };
+            let by_lag =
+                (-lags..=lags).step_by(lag_step(lags)).map(|lag| picks.iter().map(|&k| read(k, lag)).collect());
+            Some((gyro, by_lag.collect()))
         });
         let gyros = gyros.collect();
         Some(Self { recording, motion, gyros, period_s: step as f64 * recording.period_s, still })
@@ -143,15 +149,64 @@ impl<'a> Scene<'a> {
         self.motion.iter().map(of).collect()
     }
 
-    fn compare(&self, gyro: &Gyro, read: &[[f64; 3]], rates: &[Vec<[f64; 3]>]) -> Option<Agreement> {
-        let predicted = rates.iter().map(|rates| {
-            let rate = rates[gyro.body];
-            gyro.rotation.map(|row| row.iter().zip(rate).map(|(r, w)| r * w).sum::<f64>())
-        });
-        let pairs: Vec<Pair> =
-            predicted.zip(read).filter(|(_, read)| read.iter().all(|w| !w.is_nan())).map(|(p, r)| (p, *r)).collect();
-        Agreement::of(&pairs, gyro.sigma_rad_s, self)
+    /// At the lag at which prediction and reading go together most, whatever the axes.
+    fn compare(&self, gyro: &Gyro, read: &[Vec<[f64; 3]>], rates: &[Vec<[f64; 3]>]) -> Option<Agreement> {
+        let predicted: Vec<[f64; 3]> = rates
+            .iter()
+            .map(|rates| {
+                let rate = rates[gyro.body];
+                gyro.rotation.map(|row| row.iter().zip(rate).map(|(r, w)| r * w).sum::<f64>())
+            })
+            .collect();
+        let at = |read: &Vec<[f64; 3]>| {
+            let pairs = predicted.iter().zip(read).filter(|(_, read)| read.iter().all(|w| !w.is_nan()));
+            let pairs: Vec<Pair> = pairs.map(|(p, r)| (*p, *r)).collect();
+            Agreement::of(&pairs, gyro.sigma_rad_s, self)
+        };
+        let together = |agreement: &Agreement| {
+            agreement.pr.iter().flatten().map(|both| both * both).sum::<f64>() / agreement.rr.iter().sum::<f64>()
+        };
+        read.iter().filter_map(at).max_by(|a, b| together(a).total_cmp(&together(b)))
     }
+}
+
+/// Lags are tried in steps of about a tenth of the longest, and none at all among them.
+fn lag_step(lags: isize) -> usize {
+    let lags = lags.unsigned_abs();
+    (1..=(lags / 10).max(1)).rev().find(|step| lags.is_multiple_of(*step)).unwrap_or(1)
+}
+
+/// Half the width over which rates are smoothed, s.
+fn smoothing_s(recording: &Recording) -> f64 {
+    let robot = &recording.robot;
+    let elastic = |joint: &usize| robot.joints[*joint].transmission == Transmission::Elastic;
+    let periods = (0..robot.joints.len()).filter(elastic).filter_map(|joint| swing_s(robot, joint));
+    match periods.reduce(f64::max) {
+        Some(period_s) => (SMOOTH_PERIODS * period_s).clamp(SMOOTH_RIGID_S, SMOOTH_MOST_S),
+        None => SMOOTH_RIGID_S,
+    }
+}
+
+/// Period of a link that swings on its transmission while the motor stands, by the robot file, s.
+fn swing_s(robot: &Robot, joint: usize) -> Option<f64> {
+    let joints = robot.joints.len();
+    let middle: Vec<f64> = robot.joints.iter().map(|joint| 0.5 * (joint.limits[0] + joint.limits[1])).collect();
+    let mut inertia = vec![0.0; joints * joints];
+    robot.chain().mass_matrix(&middle, &mut inertia);
+    let stiffness = robot.joint_parameter(Symbol::KS, joint)?.value.start;
+    let period_s = std::f64::consts::TAU * (inertia[joint * joints + joint] / stiffness).sqrt();
+    period_s.is_finite().then_some(period_s)
+}
+
+/// Speeds of smooth positions; NaN beside gaps and ends.
+fn speeds(recording: &Recording, values: &[f64]) -> Vec<f64> {
+    let mut speeds = vec![f64::NAN; values.len()];
+    for run in recording.segments() {
+        for k in run.start + 1..run.end.saturating_sub(1) {
+            speeds[k] = (values[k + 1] - values[k - 1]) / (recording.time_s(k + 1) - recording.time_s(k - 1));
+        }
+    }
+    speeds
 }
 
 /// What is predicted of a gyro, and what it reads.
@@ -243,22 +298,23 @@ pub(super) fn look(scene: &Scene<'_>, findings: &mut Findings) {
         if bad.len() > 1 && suspects.iter().any(of_encoders) {
             suspects.retain(of_encoders);
         }
-        // A belt that swings and a base that gives way miss much, too: without a mistake that explains it only a clean factor is one, or no
-        // likeness at all to a motion that the encoders see.
+        // A base that gives way misses much, too: without a mistake that explains it only a clean factor is one. No likeness at all to a
+        // motion that the encoders see is worth a word.
         let correlation = agreement.coefficient();
         let is_factor = correlation > ALIKE && !(1.0 / UNIT_FACTOR..UNIT_FACTOR).contains(&agreement.gain());
         let is_unlike = agreement.is_turned && correlation <= DISAGREES;
         if suspects.is_empty() && !is_factor && !is_unlike {
             continue;
         }
-        tell(findings, &format!("gyro{}", index + 1), agreement, &suspects);
+        let severity = if suspects.is_empty() && !is_factor { Severity::Warning } else { Severity::Error };
+        tell(findings, severity, &format!("gyro{}", index + 1), agreement, &suspects);
         if place == 0 && suspects.iter().any(of_encoders) && suspects.len() == 1 {
             return; // told once
         }
     }
 }
 
-fn tell(findings: &mut Findings, name: &str, agreement: &Agreement, suspects: &[Suspect]) {
+fn tell(findings: &mut Findings, severity: Severity, name: &str, agreement: &Agreement, suspects: &[Suspect]) {
     let (gain, correlation) = (agreement.gain(), agreement.coefficient());
     let looks = suspects.iter().map(|suspect| suspect.looks.clone()).collect::<Vec<_>>().join(", or ");
     let looks = if looks.is_empty() { String::new() } else { format!(": {looks}") };
@@ -276,7 +332,7 @@ fn tell(findings: &mut Findings, name: &str, agreement: &Agreement, suspects: &[
             "check the order and signs of its axes, the nominal rotation in the robot file, and the body that it sits on"
         }
     };
-    findings.add(Severity::Error, About::Units, Some(name), message, advice);
+    findings.add(severity, About::Units, Some(name), message, advice);
 }
 
 /// Another unit, other axes or both.

@@ -1,11 +1,30 @@
-//! What can be wrong with a table, said with the line and with what to do.
+//! What can be wrong with a table or bag, said with the place and with what to do.
 
+use std::fmt;
 use std::io;
 use std::path::PathBuf;
 
 use crate::robot::TimeUnit;
 
-/// Why a table was refused.
+/// Where something stands.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Place {
+    /// A line of the (unpacked) table, from 1.
+    Line(u64),
+    /// A message of the bag's topics that are read, from 1.
+    Message(u64),
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Line(line) => write!(f, "line {line}"),
+            Self::Message(message) => write!(f, "message {message}"),
+        }
+    }
+}
+
+/// Why a table or bag was refused.
 #[derive(Debug, thiserror::Error)]
 pub enum TableError {
     /// The file could not be opened or read.
@@ -43,20 +62,20 @@ pub enum TableError {
         &'static str,
     ),
     /// The header does not have the robot's columns.
-    #[error("line {line}: {what}")]
+    #[error("{place}: {what}")]
     Header {
-        /// Line of the header, from 1.
-        line: u64,
+        /// Where the header is.
+        place: Place,
         /// What is wrong.
         what: String,
         /// What to do.
         advice: String,
     },
     /// A row that cannot be used.
-    #[error("line {line}{}: {what}", column.as_ref().map_or(String::new(), |name| format!(", column `{name}`")))]
+    #[error("{place}{}: {what}", column.as_ref().map_or(String::new(), |name| format!(", column `{name}`")))]
     Row {
-        /// Line in the (unpacked) file, from 1.
-        line: u64,
+        /// Where it stands.
+        place: Place,
         /// Name of the column, if one is to blame.
         column: Option<String>,
         /// What is wrong with it.
@@ -74,19 +93,43 @@ pub enum TableError {
         /// The unit in which the rows come at the robot's rate.
         likely: Option<TimeUnit>,
     },
-    /// A part of the table has another rate.
+    /// Inputs and sensors stand in different rows.
     #[error(
-        "from line {line} on {rows} rows are {found_us} µs apart, the others {expected_us} µs: the table has two rates"
+        "{place}: inputs and sensors stand in different rows ({inputs_alone} rows with an input and no reading, {sensors_alone} rows without an input): two topics joined by time"
     )]
-    MixedRates {
-        /// Where they begin.
-        line: u64,
-        /// How many of them follow one another.
-        rows: usize,
-        /// Their step, µs.
-        found_us: f64,
-        /// The robot's period, µs.
-        expected_us: f64,
+    Joined {
+        /// The first row without an input.
+        place: Place,
+        /// Rows with an input and no reading.
+        inputs_alone: usize,
+        /// Rows without an input.
+        sensors_alone: usize,
+    },
+    /// A position jumps, and where the joint is cannot be told.
+    #[error("column `{column}` jumps by {turn} between {from} and {to} ({jump:+.4} {unit}), and {why}")]
+    Wrapped {
+        /// Its name in the table.
+        column: String,
+        /// The row before the jump.
+        from: Place,
+        /// The row behind it.
+        to: Place,
+        /// How far, in `unit`.
+        jump: f64,
+        /// Unit of the recording.
+        unit: &'static str,
+        /// What it begins again after.
+        turn: String,
+        /// What is unclear.
+        why: &'static str,
+    },
+    /// An MCAP file without the joints of a robot.
+    #[error("this bag cannot be imported: {what}")]
+    Bag {
+        /// What is wrong.
+        what: String,
+        /// What to do.
+        advice: String,
     },
 }
 
@@ -104,6 +147,27 @@ pub enum What {
     /// A field that is no number.
     #[error("`{0}` is not a number")]
     Text(
+        /// The field.
+        String,
+    ),
+    /// A row of words.
+    #[error("there is no number in it (`{0}` …)")]
+    Words(
+        /// The first field.
+        String,
+    ),
+    /// The header once more.
+    #[error("the header stands here again")]
+    HeaderAgain,
+    /// A date where a time is wanted.
+    #[error("`{0}` is a date")]
+    Date(
+        /// The field.
+        String,
+    ),
+    /// A number with a decimal comma.
+    #[error("`{0}` has a decimal comma")]
+    Comma(
         /// The field.
         String,
     ),
@@ -139,22 +203,22 @@ pub enum What {
         zero: f64,
     },
     /// The same time twice.
-    #[error("the time {t_us} µs stands in line {before_line} already")]
+    #[error("the time {t_us} µs stands in {before} already")]
     Duplicate {
         /// The time, µs.
         t_us: u64,
-        /// The line with the same time.
-        before_line: u64,
+        /// The row with the same time.
+        before: Place,
     },
     /// Time runs backwards.
-    #[error("the time {t_us} µs is before the {before_us} µs of line {before_line}")]
+    #[error("the time {t_us} µs is before the {before_us} µs of {before}")]
     Backwards {
         /// The time, µs.
         t_us: u64,
         /// The time of the row before, µs.
         before_us: u64,
         /// The row before.
-        before_line: u64,
+        before: Place,
     },
     /// A duty outside of −1 … 1.
     #[error("the duty {0} is outside of -1 … 1")]
@@ -183,16 +247,21 @@ impl TableError {
             Self::Foreign { advice, .. } => (*advice).to_owned(),
             Self::Empty(_) => "the first line names the columns, each line after it is one tick".to_owned(),
             Self::Header { advice, .. } => advice.clone(),
-            Self::MixedRates { .. } => {
-                "import the parts with one rate each by itself, with a robot file of that sample_period_s; nothing is resampled".to_owned()
-            }
+            Self::Joined { .. } => "add --inputs hold if the input is a command, which lasts until the next one, or --inputs interpolate if it is a \
+                 torque, current or voltage that was measured; each row with readings then gets its input, and nothing else is interpolated"
+                .to_owned(),
+            Self::Wrapped { column, .. } => format!(
+                "record {column} with its turns counted, or unwrap it before the import (it is unwrapped here where each jump is one \
+                 whole turn, the counts per turn of the robot file's or of a counter of 8 to 32 bit, and goes on as before)"
+            ),
+            Self::Bag { advice, .. } => advice.clone(),
             Self::Rate { read_as, likely: Some(likely), .. } => format!(
                 "give the times in {}, or write time = {{ column = …, unit = \"{}\" }} under [import] in the robot file",
                 read_as.words(),
                 likely.name()
             ),
             Self::Rate { .. } => {
-                "set sample_period_s in the robot file to the rate of the table (host robot show prints the file), or check the unit of the time column: t_us is microseconds, t_s seconds".to_owned()
+                "check the unit of the time column (t_us is microseconds, t_s seconds), and sample_period_s in the robot file: a recording is used at its own rate if that is within a factor of 30".to_owned()
             }
             Self::Row { what, .. } => what.advice().to_owned(),
         }
@@ -210,12 +279,23 @@ impl What {
             Self::Width { .. } => {
                 "if it is the last line, the file was cut off: delete that line; else a comma too many or too few (a decimal comma?)"
             }
+            Self::Words(_) => {
+                "if it tells units, begin the line with # and name the units under [import] in the robot file; else delete it"
+            }
+            Self::HeaderAgain => {
+                "two tables stand in one file: delete this line if the rows after it go on in time, else import the parts one by one"
+            }
+            Self::Date(_) => {
+                "give the time as a number that counts from any start: t_s in seconds or t_us in microseconds \
+                 (pandas: (t - t.iloc[0]).dt.total_seconds())"
+            }
+            Self::Comma(_) => "write a decimal point, or decimal = \",\" under [import] in the robot file",
             Self::Text(_) => "numbers have a decimal point and no unit (0.0255, -1.2e-3); lines of text begin with #",
             Self::NotFinite(_) => {
                 "leave the field empty if the sensor had no valid reading, or leave out the whole row if the tick is missing; nothing is interpolated"
             }
             Self::Missing => {
-                "time and inputs must be there in every row; leave out the whole row if the tick is missing"
+                "time and inputs must be there in every row; leave out the whole row if the tick is missing, or say what such inputs are with --inputs hold or --inputs interpolate"
             }
             Self::Time(_) => {
                 "t_us is whole microseconds of any clock that does not run backwards; name the column t_s for seconds"

@@ -2,7 +2,8 @@
 
 use std::path::Path;
 
-use super::{Table, TableError, parse, write};
+use super::{Imported, TableError};
+use crate::recording::csv::write;
 use crate::robot::Robot;
 
 /// The one-joint robot (gear 30, 2048 counts a turn) with a section [import].
@@ -19,7 +20,11 @@ fn refused_robot(import: &str, parts: &[&str]) {
     }
 }
 
-fn read(import: &str, table: &str) -> Result<Table, TableError> {
+fn parse(bytes: &[u8], robot: &Robot, path: &Path) -> Result<Imported, TableError> {
+    super::parse(bytes, robot, path, None)
+}
+
+fn read(import: &str, table: &str) -> Result<Imported, TableError> {
     parse(table.as_bytes(), &robot(import), Path::new("data.csv"))
 }
 
@@ -39,7 +44,7 @@ g1y = { column = "wy", unit = "rpm" }
 #[test]
 fn names_units_signs_and_gears_are_applied() {
     let text = "\u{feff}Time;Temperature;PWM;enc;wx;wy;g1z\r\n-1,0;20,5;-50;100;2;60;0\r\n0,0;;25,0;1124;NaN;0;0,5\r\n";
-    let Table { recording, ignored } = read(MAPPING, text).unwrap();
+    let Imported { recording, ignored, .. } = read(MAPPING, text).unwrap();
     assert_eq!(ignored, ["Temperature"]);
     assert_eq!(recording.t_us, [0, 1000]);
     assert_eq!(recording.duty, [[0.5, -0.25]]);
@@ -107,10 +112,11 @@ fn a_mapping_that_makes_no_sense_is_refused() {
     refused_robot("[import]\ntime = { column = \"t\", unit = \"h\" }\n", &["import.time.unit", "ms"]);
     refused_robot("[import]\nseparator = \"--\"\n", &["import.separator"]);
     refused_robot("[import]\ndecimal = \",\"\n", &["both be told by a comma"]);
+    refused_robot("[import]\ntorque_on = \"u1\"\n", &["import.torque_on", "u1 comes from this column already"]);
 }
 
 #[test]
-fn a_table_in_another_unit_of_time_or_with_two_rates_is_told() {
+fn a_table_in_another_unit_of_time_is_told() {
     let table = |t: &dyn Fn(u32) -> String| {
         let rows: String = (0..200).map(|k| format!("{},0,0,0,0,0\n", t(k))).collect();
         format!("t_us,u1,theta1,g1x,g1y,g1z\n{rows}")
@@ -120,7 +126,4 @@ fn a_table_in_another_unit_of_time_or_with_two_rates_is_told() {
     assert!(text.contains("look like milliseconds") && text.contains("unit = \"ms\""), "{text}");
     let nanoseconds = read("", &table(&|k| (1_000_000 * k).to_string())).unwrap_err();
     assert!(nanoseconds.to_string().contains("look like nanoseconds"), "{nanoseconds}");
-    let slower_later = |k: u32| (if k < 150 { 1000 * k } else { 150_000 + 4000 * (k - 150) }).to_string();
-    let mixed = read("", &table(&slower_later)).unwrap_err();
-    assert!(mixed.to_string().contains("from line 153 on 49 rows are 4000 µs apart"), "{mixed}");
 }

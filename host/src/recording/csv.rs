@@ -1,9 +1,10 @@
-//! Writes a recording as a table.
+//! Recordings as tables, for other programs. `import` reads them back.
+//!
+//! What a table cannot carry (motion, phases, flags, balance, handshake) is lost.
 
 use std::io::{self, Write};
 
-use super::header::expected_columns;
-use crate::recording::Recording;
+use super::Recording;
 
 /// Writes the table with a header and one row a sample; missing ticks are missing rows, invalid readings empty fields.
 ///
@@ -13,7 +14,7 @@ use crate::recording::Recording;
 /// # Errors
 /// Those of `out`.
 pub fn write<W: Write>(mut out: W, recording: &Recording) -> io::Result<W> {
-    writeln!(out, "{}", expected_columns(&recording.robot).join(","))?;
+    writeln!(out, "{}", recording.robot.columns().join(","))?;
     for k in 0..recording.len() {
         write!(out, "{}", recording.t_us[k])?;
         for duty in &recording.duty {

@@ -2,7 +2,7 @@
 
 use crate::robot::{Import, ImportColumn, Robot, TimeUnit};
 
-use super::TableError;
+use super::{Place, TableError};
 
 /// How time is told.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -56,6 +56,8 @@ pub(super) struct Header {
     pub time: usize,
     /// Field with the input of each joint.
     pub duty: Vec<Field>,
+    /// Field that is 0 where the drives are off.
+    pub torque_on: Option<usize>,
     /// Field with each of the robot's channels.
     pub channels: Vec<Field>,
     /// Columns that nothing is read from.
@@ -68,17 +70,17 @@ pub(super) struct Header {
 
 impl Header {
     /// Finds the robot's own columns among `names`. Each must be there once, and no other.
-    pub(super) fn find(names: Vec<String>, robot: &Robot, line: u64) -> Result<Self, TableError> {
-        let expected = expected_columns(robot);
-        let refuse = |what: String, advice: String| TableError::Header { line, what, advice };
+    pub(super) fn find(names: Vec<String>, robot: &Robot, place: Place) -> Result<Self, TableError> {
+        let expected = robot.columns();
+        let refuse = |what: String, advice: String| TableError::Header { place, what, advice };
         let columns_of = |robot: &Robot| {
             format!(
                 "for the robot `{}` the header is: {} (give another robot with --robot, or name your columns under [import] in its file)",
                 robot.name,
-                expected_columns(robot).join(",")
+                robot.columns().join(",")
             )
         };
-        readable(&names, ',', line, || columns_of(robot))?;
+        readable(&names, ',', place, || columns_of(robot))?;
         for name in &names {
             if name != "t_s" && !expected.contains(name) {
                 let nearest =
@@ -86,11 +88,10 @@ impl Header {
                 return Err(refuse(format!("unknown column `{name}`{nearest}"), columns_of(robot)));
             }
         }
-        let place = |wanted: &str| names.iter().position(|name| name == wanted);
-        let (clock, time) = own_clock(&names, line)?
+        let find = |wanted: &str| names.iter().position(|name| name == wanted);
+        let (clock, time) = own_clock(&names, place)?
             .ok_or_else(|| refuse("the column `t_us` (or `t_s`) is missing".to_owned(), columns_of(robot)))?;
-        let missing: Vec<&str> =
-            expected[1..].iter().filter(|name| place(name).is_none()).map(String::as_str).collect();
+        let missing: Vec<&str> = expected[1..].iter().filter(|name| find(name).is_none()).map(String::as_str).collect();
         if !missing.is_empty() {
             let what = match missing.as_slice() {
                 [one] => format!("the column `{one}` is missing"),
@@ -100,29 +101,39 @@ impl Header {
         }
         let fields: Vec<Field> = expected[1..]
             .iter()
-            .filter_map(|name| Some(Field { index: place(name)?, zero: 0.0, factor: 1.0 }))
+            .filter_map(|name| Some(Field { index: find(name)?, zero: 0.0, factor: 1.0 }))
             .collect();
         let (duty, channels) = fields.split_at(robot.joints.len());
         let (duty, channels) = (duty.to_vec(), channels.to_vec());
-        Ok(Self { clock, time, duty, channels, names, ignored: Vec::new(), decimal: '.', missing: Vec::new() })
+        Ok(Self {
+            clock,
+            time,
+            duty,
+            torque_on: None,
+            channels,
+            names,
+            ignored: Vec::new(),
+            decimal: '.',
+            missing: Vec::new(),
+        })
     }
 
     /// Finds the columns that `import` names among `names`; others are ignored.
-    pub(super) fn named(names: Vec<String>, robot: &Robot, import: &Import, line: u64) -> Result<Self, TableError> {
-        let refuse = |what: String, advice: String| TableError::Header { line, what, advice };
+    pub(super) fn named(names: Vec<String>, robot: &Robot, import: &Import, place: Place) -> Result<Self, TableError> {
+        let refuse = |what: String, advice: String| TableError::Header { place, what, advice };
         let columns = || format!("the table has the columns {}", names.join(", "));
-        readable(&names, import.separator, line, || "the first line must name the columns".to_owned())?;
-        let place = |wanted: &str| names.iter().position(|name| name == wanted);
+        readable(&names, import.separator, place, || "the first line must name the columns".to_owned())?;
+        let find = |wanted: &str| names.iter().position(|name| name == wanted);
         let (clock, time) = match &import.time {
             Some(time) => {
                 let clock = Clock::Named { unit: time.unit, zero: time.zero };
-                let index = place(&time.column).ok_or_else(|| {
+                let index = find(&time.column).ok_or_else(|| {
                     let what = format!("the column `{}` with the time is missing", time.column);
                     refuse(what, format!("correct import.time.column in the robot file; {}", columns()))
                 })?;
                 (clock, index)
             }
-            None => own_clock(&names, line)?.ok_or_else(|| {
+            None => own_clock(&names, place)?.ok_or_else(|| {
                 let what = "there is neither `t_us` nor `t_s`".to_owned();
                 refuse(
                     what,
@@ -130,7 +141,7 @@ impl Header {
                 )
             })?,
         };
-        let field = |column: &ImportColumn| match place(&column.column) {
+        let field = |column: &ImportColumn| match find(&column.column) {
             Some(index) => Ok(Field { index, zero: column.zero, factor: column.factor }),
             None => {
                 let ImportColumn { name, column, .. } = column;
@@ -147,17 +158,25 @@ impl Header {
         };
         let fields = import.columns.iter().map(field).collect::<Result<Vec<Field>, _>>()?;
         let (duty, channels) = fields.split_at(robot.joints.len());
-        let used = |index: usize| index == time || fields.iter().any(|field| field.index == index);
+        let torque_on = import.torque_on.as_ref().map(|column| {
+            find(column).ok_or_else(|| {
+                let what = format!("the column `{column}` that says where the drives are on is missing");
+                refuse(what, format!("correct import.torque_on in the robot file; {}", columns()))
+            })
+        });
+        let torque_on = torque_on.transpose()?;
+        let used =
+            |index: usize| index == time || torque_on == Some(index) || fields.iter().any(|field| field.index == index);
         let ignored = (0..names.len()).filter(|&index| !used(index)).map(|index| names[index].clone()).collect();
         let (duty, channels) = (duty.to_vec(), channels.to_vec());
         let (decimal, missing) = (import.decimal, import.missing.clone());
-        Ok(Self { clock, time, duty, channels, ignored, decimal, missing, names })
+        Ok(Self { clock, time, duty, torque_on, channels, ignored, decimal, missing, names })
     }
 }
 
 /// Refuses a line that is not cut into columns, that is no header (`wanted` says what it should hold), and columns of one name.
-fn readable(names: &[String], separator: char, line: u64, wanted: impl Fn() -> String) -> Result<(), TableError> {
-    let refuse = |what: String, advice: String| Err(TableError::Header { line, what, advice });
+fn readable(names: &[String], separator: char, place: Place, wanted: impl Fn() -> String) -> Result<(), TableError> {
+    let refuse = |what: String, advice: String| Err(TableError::Header { place, what, advice });
     if let [only] = names
         && let Some(found) = [',', ';', '\t', '|', ' '].into_iter().find(|found| only.contains(*found))
     {
@@ -183,25 +202,18 @@ fn readable(names: &[String], separator: char, line: u64, wanted: impl Fn() -> S
 }
 
 /// The column `t_us` or `t_s`.
-fn own_clock(names: &[String], line: u64) -> Result<Option<(Clock, usize)>, TableError> {
-    let place = |wanted: &str| names.iter().position(|name| name == wanted);
-    match (place("t_us"), place("t_s")) {
+fn own_clock(names: &[String], place: Place) -> Result<Option<(Clock, usize)>, TableError> {
+    let find = |wanted: &str| names.iter().position(|name| name == wanted);
+    match (find("t_us"), find("t_s")) {
         (Some(time), None) => Ok(Some((Clock::Microseconds, time))),
         (None, Some(time)) => Ok(Some((Clock::Seconds, time))),
         (None, None) => Ok(None),
         (Some(_), Some(_)) => Err(TableError::Header {
-            line,
+            place,
             what: "there are both t_us and t_s".to_owned(),
             advice: "delete one of them, or name one under import.time in the robot file".to_owned(),
         }),
     }
-}
-
-/// The header of a table for this robot: `t_us,u1…`, then the channels in their order.
-pub(super) fn expected_columns(robot: &Robot) -> Vec<String> {
-    let inputs = (1..=robot.joints.len()).map(|joint| format!("u{joint}"));
-    let channels = robot.channels().into_iter().map(|channel| channel.column);
-    std::iter::once("t_us".to_owned()).chain(inputs).chain(channels).collect()
 }
 
 /// The expected name that is the same but for case, underscores and brackets (`Theta_1`, `g1[x]`).
