@@ -165,7 +165,7 @@ impl Dynamics<'_> {
             own[count + local] = variable(x[*state], OWN + count + local);
         }
         if of.has_input_error {
-            u = u + own[count + of.states.len() - 1];
+            u += own[count + of.states.len() - 1];
         }
         let (sides, coefficients) = self.variables(x, u, i);
         let (parameters, states) = own.split_at(count);

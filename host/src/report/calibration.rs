@@ -308,6 +308,8 @@ mod tests {
                 chi2_per_dof: Some(1.0),
                 left_out: 0,
             }],
+            misfit: Vec::new(),
+            scatter: None,
             fit: vec![ChannelFit { channel: "gyro1.x".into(), rms: Some(1e-3), nrmse: Some(0.01) }],
             first_states: Vec::new(),
             covariance: Default::default(),

@@ -145,6 +145,8 @@ fn calibration() -> Calibration {
             chi2_per_dof: None,
             left_out: 0,
         }],
+        misfit: Vec::new(),
+        scatter: None,
         fit: vec![Fit { channel: "encoder2".into(), rms: Some(1e-3), nrmse: None }],
         first_states: Vec::new(),
         covariance: Default::default(),
