@@ -24,8 +24,9 @@ fn the_gears_are_stiff_once_the_link_encoders_are_known_to_be_late() {
     for name in TRAJECTORIES {
         let (table, run) = (data.join(format!("{name}.csv")), format!("{name}.mcap"));
         host(at, &["import", table.to_str().unwrap(), "--robot", "kuka_kr300", "-o", &run], 0);
-        host(at, &["calibrate", &run, "-o", &format!("{name}.naive.json")], 0);
-        host(at, &["calibrate", &run, "--extend", "encoder_lag", "-o", &format!("{name}.late.json")], 0);
+        // Rows are missed by up to twenty times their noise without the lag, and by up to three times with it: neither is said to fit.
+        host(at, &["calibrate", &run, "-o", &format!("{name}.naive.json")], 4);
+        host(at, &["calibrate", &run, "--extend", "encoder_lag", "-o", &format!("{name}.late.json")], 4);
         let [naive, late] = ["naive", "late"].map(|which| json(&at.join(format!("{name}.{which}.json"))));
         for joint in 1..=3 {
             let of = |calibration: &Value, name: &str| parameter(&calibration["parameters"], name).clone();
@@ -37,11 +38,13 @@ fn the_gears_are_stiff_once_the_link_encoders_are_known_to_be_late() {
                 "{name}, axis {joint}: {} ± {} s; {} ± {} N m/rad, naive {}; link encoder {before:.0} µrad, then {after:.0}",
                 lag["estimate"], lag["std_error"], stiff["estimate"], stiff["std_error"], soft["estimate"]
             );
-            // Measured: 2.68 to 2.90 ms; naive 1.11 to 1.97e6 N m/rad, then 0.87 to 1.88e7; by regression 0.9 to 2.0e7.
-            within(&lag["estimate"], 2.63e-3..=2.95e-3);
-            assert!(lag["std_error"].as_f64().unwrap() < 5e-5, "{lag}");
+            // Measured: 2.70 to 2.96 ms, ± 0.03 to 0.07 by the scatter between blocks; naive 1.11 to 1.93e6 N m/rad, then 0.87 to 2.14e7; by
+            // regression 0.9 to 2.0e7, which errors have to reach.
+            within(&lag["estimate"], 2.6e-3..=3.0e-3);
+            within(&lag["std_error"], 1e-5..=1e-4);
             within(&soft["estimate"], 1.0e6..=2.2e6);
-            within(&stiff["estimate"], 0.8e7..=2.1e7);
+            let (k, error) = (stiff["estimate"].as_f64().unwrap(), stiff["std_error"].as_f64().unwrap());
+            assert!(k > 0.8e7 && k - 2.0 * error < 2.0e7, "{stiff}");
             assert!(stiff["ci95"].is_array(), "{stiff}");
             // Measured: 61 to 94 µrad, then 15 to 38.
             assert!((55.0..105.0).contains(&before) && (10.0..45.0).contains(&after), "{before} {after} µrad");

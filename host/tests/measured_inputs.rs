@@ -185,7 +185,10 @@ fn a_wrong_mass_in_the_file_widens_the_errors() {
 fn an_inertia_below_zero_does_not_fit() {
     let folder = tempfile::tempdir().unwrap();
     let table = table(LIGHT, (0.01, 30.0), &SLOW, (0.05, 1e-4), 3);
-    let robot = |body: f64| robot(0.01, 1e-4, STARTS, 0.0).replace("yy = 0.0", &format!("yy = {body}"));
+    let robot = |body: f64| {
+        robot(0.01, 1e-4, STARTS, 0.0)
+            .replace("xx = 0.0, yy = 0.0, zz = 0.0", &format!("xx = {body}, yy = {body}, zz = {body}"))
+    };
     let (fits, _) = calibrated(folder.path(), (&table, &robot(0.1)), 0);
     assert_eq!(fits["status"], "converged");
     let (b, error) = parameter(&fits, "b[1]");

@@ -84,7 +84,9 @@ impl RobotScale {
                 Symbol::B | Symbol::J => torque / over(|motion| motion.acceleration),
                 Symbol::FirstMoment { .. } if self.gravity > 0.0 => torque / self.gravity,
                 Symbol::FirstMoment { .. } => torque / over(|motion| motion.acceleration),
-                _ => physical[i].abs(),
+                Symbol::KPwm | Symbol::KT | Symbol::KS | Symbol::DS => physical[i].abs(),
+                // What turns readings has no torque.
+                _ => f64::NAN,
             };
             if size.is_finite() && size > 0.0 { size } else { f64::NAN }
         };

@@ -244,10 +244,15 @@ impl Input {
 }
 
 impl Robot {
-    /// The noise of its recorded inputs. Where the file tells accelerations that no equation explains and no deviation of the input, they stand for it.
+    /// The noise of its recorded inputs. Where the file tells accelerations that no equation explains and no deviation of the input, they stand for it. That
+    /// of elastic joints is not estimated beside the process noise of their links: the file has to tell it.
     pub fn input_noise(&self) -> InputNoise {
         let told = self.joints.iter().any(|joint| joint.unmodelled != Unmodelled::default());
-        if told && self.input.noise == InputNoise::Unknown { InputNoise::None } else { self.input.noise }
+        let elastic = self.joints.iter().any(|joint| joint.transmission == Transmission::Elastic);
+        match self.input.noise {
+            InputNoise::Unknown if told || elastic => InputNoise::None,
+            noise => noise,
+        }
     }
 
     /// The same robot with inputs that are what drove it, as a prediction takes them.
