@@ -38,7 +38,7 @@ fn the_gears_are_stiff_once_the_link_encoders_are_known_to_be_late() {
                 "{name}, axis {joint}: {} ± {} s; {} ± {} N m/rad, naive {}; link encoder {before:.0} µrad, then {after:.0}",
                 lag["estimate"], lag["std_error"], stiff["estimate"], stiff["std_error"], soft["estimate"]
             );
-            // Measured: 2.70 to 2.96 ms, ± 0.03 to 0.07 by the scatter between blocks; naive 1.11 to 1.93e6 N m/rad, then 0.87 to 2.14e7; by
+            // Measured: 2.68 to 2.90 ms, ± 0.03 to 0.06 by the scatter between blocks; naive 1.11 to 1.97e6 N m/rad, then 0.87 to 1.88e7; by
             // regression 0.9 to 2.0e7, which errors have to reach.
             within(&lag["estimate"], 2.6e-3..=3.0e-3);
             within(&lag["std_error"], 1e-5..=1e-4);

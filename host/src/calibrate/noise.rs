@@ -20,8 +20,11 @@ pub struct Noise {
 /// Steps along a trajectory whose error is looked at.
 const STEPS_LOOKED_AT: usize = 5_000;
 
-/// White torque noise over a step of T moves the speed by σ and the position by T/√3 σ. Positions are never taken for better known than that.
+/// White torque noise over a step of T moves the speed by σ and the position by T/√3 σ. Positions are never taken for better known than that …
 const POSITION_PER_SPEED: f64 = 0.577_350_269_189_626;
+
+/// … and where the robot file tells accelerations that no equation explains, than by T/√12 σ, which is what a position has beside the speeds before and after.
+const POSITION_BESIDE_SPEEDS: f64 = 0.288_675_134_594_813;
 
 /// Share of the robot file's standard deviation below which no channel's is taken to be.
 const LEAST_SHARE: f64 = 0.5;
@@ -63,7 +66,7 @@ impl Noise {
             let mut allow = |position: usize, speed: usize, acceleration: f64| {
                 let least = acceleration * period_s;
                 self.process[speed] = self.process[speed].max(least);
-                self.process[position] = self.process[position].max(POSITION_PER_SPEED * period_s * least);
+                self.process[position] = self.process[position].max(POSITION_BESIDE_SPEEDS * period_s * least);
             };
             allow(layout.q(i), layout.qd(i), joint.unmodelled.link);
             if layout.is_elastic(i) {
