@@ -1,7 +1,7 @@
 //! What a motion cannot tell: directions of the shared unknowns about which the readings say less than the prior guess does.
 //!
 //! Judged is the information of noise-free predictions ([`NoiseFree`]): every row linearised along the model's own run, all states
-//! eliminated. In units of the prior guess — for a parameter of the dynamics what makes all of the torque of its joint (`robot_scale`) — a direction whose
+//! eliminated. In units of the prior guess — for a parameter of a rigid robot what makes all of the torque of its joint (`robot_scale`), of an elastic one ± 100 % of its start value — a direction whose
 //! 95 % interval reaches the guess's own bounds is not determined,
 //!
 //! ```text
@@ -155,7 +155,7 @@ pub(super) fn at_start<'m>(
         let mut way = axes.transpose() * guess.in_units(&difference(problem.border(), start, &point));
         for (way, axis) in way.iter_mut().zip(axes.column_iter()) {
             let allowed = 1.96 / axis.dot(&(&scaled * axis)).max(0.0).sqrt();
-            *way -= way.clamp(-allowed, allowed);
+            *way = if problem.scale.is_of_motion() { *way - way.clamp(-allowed, allowed) } else { 0.0 };
         }
         way
     };
@@ -231,7 +231,7 @@ impl Guess {
         let slopes = observability::physical_slopes(problem.model, &point.z, &border);
         let inverse = slopes.clone().try_inverse().unwrap_or_else(|| DMatrix::identity(m, m));
         let first_bias = border.bias(0, 0);
-        let scale = problem.scale.sizes(problem.model, problem.series, point);
+        let scale = problem.scale.guesses(problem.model, problem.series, point);
         let alone = |i: usize| match information.get(i * m + i) {
             Some(information) if *information > 0.0 => (LEAST_INFORMATION / (ALONE * information)).sqrt(),
             _ => 1.0,

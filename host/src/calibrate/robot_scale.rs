@@ -9,7 +9,7 @@
 use super::point::Point;
 use super::series::Series;
 use crate::model::{Coordinate, Model};
-use crate::robot::{InputUnit, Robot, Symbol};
+use crate::robot::{InputUnit, Robot, Symbol, Transmission};
 
 /// Accelerations are differences of speeds over this time, s: of single samples they would be those of the noise. Halved or doubled, they change by the share
 /// of the motion that is faster than 25 Hz.
@@ -30,6 +30,8 @@ pub(super) struct RobotScale {
     gravity: f64,
     /// Torque of one unit of input, of each joint.
     drives: Vec<Drive>,
+    /// No joint has a spring.
+    rigid: bool,
 }
 
 /// Where the torque of one unit of input comes from.
@@ -59,7 +61,22 @@ impl RobotScale {
             }
         };
         let gravity = robot.gravity_m_s2.iter().map(|g| g * g).sum::<f64>().sqrt();
-        RobotScale { gravity, drives: (0..robot.joints.len()).map(drive).collect() }
+        let rigid = robot.joints.iter().all(|joint| joint.transmission == Transmission::Rigid);
+        RobotScale { gravity, drives: (0..robot.joints.len()).map(drive).collect(), rigid }
+    }
+
+    /// Whether sizes are those of the motion. Where joints have springs they are the start values, since a stiffness that runs away takes its size along.
+    pub(super) fn is_of_motion(&self) -> bool {
+        self.rigid
+    }
+
+    /// How large each coordinate of the base model is taken to be before a motion is judged; not a number where nothing is known of it.
+    pub(super) fn guesses(&self, model: &Model, series: &Series, point: &Point<'_>) -> Vec<f64> {
+        if self.rigid {
+            return self.sizes(model, series, point);
+        }
+        let start = |c: &Coordinate| if c.spec.value.start == 0.0 { f64::NAN } else { c.spec.value.start.abs() };
+        model.coordinates().iter().map(start).collect()
     }
 
     /// The size of every coordinate of the base model, in the physical parameter's unit; not a number where the motion has none.
