@@ -17,7 +17,7 @@ use super::trimmed::Trimmed;
 use super::{CalibrateError, Fit, equilibrium, identify, observability};
 use crate::model::law::Law;
 use crate::model::{Layout, Model};
-use crate::robot::{InputUnit, Robot, Symbol};
+use crate::robot::Robot;
 use solve::border::Border;
 use solve::levenberg::{self, Hopeless, Settings};
 
@@ -186,12 +186,7 @@ impl<'a> Bench<'a> {
 
     /// k_pwm U u (or k_t i, or the torque itself) at stage k by the values of a trial, N m or N.
     pub fn driving_torque(&self, trial: &Trial, k: usize, joint: usize) -> f64 {
-        let symbol = match self.robot.input.unit {
-            InputUnit::Duty | InputUnit::Volt => Some(Symbol::KPwm),
-            InputUnit::Ampere => Some(Symbol::KT),
-            InputUnit::NewtonMetre | InputUnit::Newton => None,
-        };
-        let spec = symbol.and_then(|symbol| self.robot.joint_parameter(symbol, joint));
+        let spec = self.robot.input.unit.torque_constant().and_then(|symbol| self.robot.joint_parameter(symbol, joint));
         let constant = spec.map_or(1.0, |spec| trial.value(&spec.name).map_or(spec.value.start, |v| v.estimate));
         constant * self.robot.input.scale * self.series.input(k)[joint]
     }

@@ -1,14 +1,15 @@
 //! What a motion cannot tell: directions of the shared unknowns about which the readings say less than the prior guess does.
 //!
 //! Judged is the information of noise-free predictions ([`NoiseFree`]): every row linearised along the model's own run, all states
-//! eliminated. In units of the prior guess — for a parameter of a rigid robot what makes all of the torque of its joint (`robot_scale`), of an elastic one ± 100 % of its start value — a direction whose
-//! 95 % interval reaches the guess's own bounds is not determined,
+//! eliminated. The unit of a parameter of the dynamics is its prior guess: what makes all of the joint's torque where the robot is rigid (`robot_scale`), the
+//! start value where joints have springs. A direction whose 95 % interval reaches the guess's own bounds is not determined,
 //!
 //! ```text
 //! 1.96 / √(vᵀ D S D v) > 1        S: information of the physical parameters,  D: their prior sizes,  |v| = 1
 //! ```
 //!
-//! It is held at the start value, or as near to it as its 95 % interval lets it, and every parameter that it would shift by more than half a standard error is given no number.
+//! It is held at the start value (of a rigid robot as near to it as the 95 % interval reaches), and every parameter that it would shift by more than half a
+//! standard error is given no number.
 //!
 //! Coulomb friction is a case of its own. Equation (12) lets a joint that sticks creep, and how fast it creeps shows μ to the last digit;
 //! but that is the sign function's smoothing, not friction. The search may use μ to explain the creeping; a number it is given only
@@ -147,31 +148,42 @@ pub(super) fn at_start<'m>(
     if held.is_empty() {
         return point;
     }
-    // What is left of the way to the start where readings do not let the direction go all of it.
-    let left = {
-        let guess = Guess::new(problem, &point, information);
-        let axes = guess.orthonormal(held);
-        let scaled = guess.scaled(information, &[]);
-        let mut way = axes.transpose() * guess.in_units(&difference(problem.border(), start, &point));
-        for (way, axis) in way.iter_mut().zip(axes.column_iter()) {
-            let allowed = 1.96 / axis.dot(&(&scaled * axis)).max(0.0).sqrt();
-            *way = if problem.scale.is_of_motion() { *way - way.clamp(-allowed, allowed) } else { 0.0 };
-        }
-        way
-    };
+    let left = problem.scale.is_of_motion().then(|| left_of_the_way(problem, &point, start, held, information));
     let (mut at, mut to) = (point.clone(), point);
     // The coordinates of the dynamics are not linear in the parameters: each round leaves the square of what it removes.
     for _ in 0..6 {
         let guess = Guess::new(problem, &at, &[]);
         let axes = guess.orthonormal(held);
-        let way = axes.transpose() * guess.in_units(&difference(problem.border(), start, &at));
-        let back = &axes * if way.len() == left.len() { way - &left } else { way };
+        let mut way = axes.transpose() * guess.in_units(&difference(problem.border(), start, &at));
+        if let Some(left) = left.as_ref().filter(|left| left.len() == way.len()) {
+            way -= left;
+        }
+        let back = &axes * way;
         let border = guess.to_border(&back);
         let step = Step { states: vec![0.0; at.states.len()], border };
         problem.retract(&at, &step, &mut to);
         std::mem::swap(&mut at, &mut to);
     }
     at
+}
+
+/// Along held directions, in units of the guess: what is left of the way from `point` to `start` where 95 % intervals do not reach all of it.
+fn left_of_the_way(
+    problem: &Problem<'_>,
+    point: &Point<'_>,
+    start: &Point<'_>,
+    held: &[Held],
+    information: &[f64],
+) -> DVector<f64> {
+    let guess = Guess::new(problem, point, information);
+    let axes = guess.orthonormal(held);
+    let scaled = guess.scaled(information, &[]);
+    let mut way = axes.transpose() * guess.in_units(&difference(problem.border(), start, point));
+    for (way, axis) in way.iter_mut().zip(axes.column_iter()) {
+        let allowed = 1.96 / axis.dot(&(&scaled * axis)).max(0.0).sqrt();
+        *way -= way.clamp(-allowed, allowed);
+    }
+    way
 }
 
 /// start ⊟ point, in the border's unknowns.

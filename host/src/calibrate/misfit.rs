@@ -5,14 +5,17 @@ use super::problem::Problem;
 use super::result::{Calibration, ParameterEstimate};
 use super::search::Found;
 
-/// χ² per degree of freedom of a row beyond which its residuals are no noise of the size that is assumed. Where noise is estimated it is 1; with the robot file's
-/// deviations, which people round, it is 0.3 to 2 on sound simulated robots of any kind. Halved, a deviation told as 0.7 of what it is does not fit; doubled, one of a third does.
+/// χ² per degree of freedom of a row beyond which its residuals are no noise of the size that is assumed: it is missed by twice its deviation. Where noise is
+/// estimated it is 1; on KUKA KR300, whose file tells it, the worst row has 506 without the encoders' lag and 7 to 10 with it. Halved, a deviation told as 0.7 of
+/// what it is does not fit; doubled, one told as 0.35 does. No study has counted either.
 const MOST_CHI2: f64 = 4.0;
 /// Rows that are told one by one, the worst first.
 const ROWS_TOLD: usize = 3;
-/// How many times all of the torque a parameter may make, to be one of that robot.
+/// How many times all of the torque a parameter may make, to be one of that robot: for searches that ran away, which pass it by orders of magnitude. Neither half
+/// nor double has been tried.
 const MOST_TORQUE: f64 = 1000.0;
-/// Standard errors below zero from which on a parameter is negative.
+/// Standard errors below zero from which on a parameter is negative. At half of it a friction of nothing is called negative in one calibration of six, at
+/// double of it in one of thirty thousand, and an inertia of −3 standard errors passes.
 const NEGATIVE: f64 = 2.0;
 
 /// Sentences on what does not fit; none where nothing is found.

@@ -9,7 +9,7 @@
 use super::point::Point;
 use super::series::Series;
 use crate::model::{Coordinate, Model};
-use crate::robot::{InputUnit, Robot, Symbol, Transmission};
+use crate::robot::{Robot, Symbol, Transmission};
 
 /// Accelerations are differences of speeds over this time, s: of single samples they would be those of the noise. Halved or doubled, they change by the share
 /// of the motion that is faster than 25 Hz.
@@ -46,11 +46,7 @@ enum Drive {
 impl RobotScale {
     pub(super) fn of(robot: &Robot, model: &Model) -> Self {
         let drive = |joint: usize| {
-            let symbol = match robot.input.unit {
-                InputUnit::Duty | InputUnit::Volt => Symbol::KPwm,
-                InputUnit::Ampere => Symbol::KT,
-                InputUnit::NewtonMetre | InputUnit::Newton => return Drive::Known(1.0),
-            };
+            let Some(symbol) = robot.input.unit.torque_constant() else { return Drive::Known(1.0) };
             let is = |c: &Coordinate| c.spec.symbol == symbol && c.spec.joints.contains(&joint);
             match model.coordinates().iter().position(is) {
                 Some(free) => Drive::Free(free, robot.input.scale),

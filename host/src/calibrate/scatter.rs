@@ -27,7 +27,7 @@ const BLOCKS: usize = 30;
 const FEWEST_BLOCKS: usize = 8;
 /// How many times what white residuals scatter, mean over all unknowns, from which on they are not white. Of white residuals and four unknowns it is
 /// 1.5 in less than one calibration of a hundred (χ² of 116 degrees); of what EMPS and KUKA KR300 leave it is 56 and 3,100. Halved, it is what white residuals have; doubled,
-/// intervals of residuals that last for three samples are a third too narrow.
+/// intervals that are √3 times too narrow are not widened.
 const COLOURED: f64 = 1.5;
 /// Two-sided 95 % of Student's t with 29 degrees of freedom over that of the normal distribution.
 const STUDENT: f64 = 2.045 / 1.960;

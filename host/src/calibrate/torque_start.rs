@@ -44,7 +44,8 @@ pub(super) fn of(model: &Model, robot: &Robot, series: &Series) -> Option<Torque
             .collect();
         if impossible.is_empty() {
             let per_input = |joint: usize| {
-                let constant = [Symbol::KPwm, Symbol::KT].iter().find_map(|s| robot.joint_parameter(*s, joint));
+                let constant =
+                    robot.input.unit.torque_constant().and_then(|symbol| robot.joint_parameter(symbol, joint));
                 robot.input.scale * constant.map_or(1.0, |spec| spec.value.start)
             };
             let left = motion.missing_rms(&exact, &z).into_iter().enumerate();

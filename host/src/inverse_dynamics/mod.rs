@@ -20,8 +20,8 @@ use lowpass::Lowpass;
 pub const HIGHEST_CORNER: f64 = 0.2;
 const LOWEST_CORNER: f64 = 0.002;
 const NEXT_CORNER: f64 = 0.8;
-/// What the filter takes away, mean square, over the noise: a corner below which more is lost than noise is too low. Halved, the highest corner is taken
-/// for every record; doubled, corners fall to the half and Coulomb friction is smeared over a third more of the samples.
+/// What the filter takes away, mean square, over the noise: a corner below which more is lost than noise is too low. At half of it no low
+/// corner is ever taken, as a low one takes all of the noise; double of it lets a filter take as much of the motion as there is noise.
 const LOST_OVER_NOISE: f64 = 1.2;
 /// Before samples are dropped torques are filtered at this share of what is then half the sampling frequency.
 const DECIMATION_SHARE: f64 = 0.8;

@@ -199,6 +199,15 @@ pub enum InputUnit {
 }
 
 impl InputUnit {
+    /// What a motor's torque is per unit of input; none where the input is the torque.
+    pub const fn torque_constant(self) -> Option<Symbol> {
+        match self {
+            InputUnit::Duty | InputUnit::Volt => Some(Symbol::KPwm),
+            InputUnit::Ampere => Some(Symbol::KT),
+            InputUnit::NewtonMetre | InputUnit::Newton => None,
+        }
+    }
+
     /// The unit as results print it.
     pub const fn symbol(self) -> &'static str {
         match self {

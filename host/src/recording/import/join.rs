@@ -95,7 +95,11 @@ impl Signal {
     }
 
     fn at(&self, t_us: u64) -> f64 {
-        let k = self.place(t_us);
+        self.behind(self.place(t_us), t_us)
+    }
+
+    /// The input at `t_us`, which lies between place k and the next.
+    fn behind(&self, k: usize, t_us: u64) -> f64 {
         match (self.choice, self.values.get(k + 1)) {
             (EmptyInputs::Interpolate, Some(next)) => {
                 let share = (t_us - self.t_us[k]) as f64 / (self.t_us[k + 1] - self.t_us[k]) as f64;
@@ -107,14 +111,7 @@ impl Signal {
 
     /// Integral from place k to `t_us`, which is not behind the next place.
     fn part(&self, k: usize, t_us: u64) -> f64 {
-        let end = match (self.choice, self.values.get(k + 1)) {
-            (EmptyInputs::Interpolate, Some(next)) => {
-                let share = (t_us - self.t_us[k]) as f64 / (self.t_us[k + 1] - self.t_us[k]) as f64;
-                self.values[k] + share * (next - self.values[k])
-            }
-            _ => self.values[k],
-        };
-        0.5 * (self.values[k] + end) * (t_us - self.t_us[k]) as f64
+        0.5 * (self.values[k] + self.behind(k, t_us)) * (t_us - self.t_us[k]) as f64
     }
 
     fn mean(&self, from_us: u64, to_us: u64) -> f64 {

@@ -14,7 +14,7 @@ use super::stats::{position, range};
 use crate::recording::check::{About, Findings};
 use crate::recording::{Recording, Severity};
 use crate::robot::chain::Chain;
-use crate::robot::{InputUnit, Robot, Symbol};
+use crate::robot::{Robot, Symbol};
 
 /// Half the window over which position, speed and acceleration are taken, s. Halved, accelerations by a coarse encoder (3 mrad) are noise; doubled,
 /// motions of some hertz are flattened.
@@ -193,10 +193,9 @@ impl<'a> Motion<'a> {
             return None;
         }
         let fastest = self.samples.iter().map(|sample| sample.qd[joint].abs()).fold(0.0, f64::max);
-        let constant = match self.robot.input.unit {
-            InputUnit::NewtonMetre | InputUnit::Newton => [1.0, 1.0],
-            unit => {
-                let symbol = if unit == InputUnit::Ampere { Symbol::KT } else { Symbol::KPwm };
+        let constant = match self.robot.input.unit.torque_constant() {
+            None => [1.0, 1.0],
+            Some(symbol) => {
                 let spec = self.robot.joint_parameter(symbol, joint)?;
                 let one = 1.0 / (spec.value.start * self.robot.input.scale);
                 if spec.value.free { [one / CONSTANT_FACTOR, one * CONSTANT_FACTOR] } else { [one, one] }
