@@ -24,7 +24,7 @@ fn the_gears_are_stiff_once_the_link_encoders_are_known_to_be_late() {
     for name in TRAJECTORIES {
         let (table, run) = (data.join(format!("{name}.csv")), format!("{name}.mcap"));
         host(at, &["import", table.to_str().unwrap(), "--robot", "kuka_kr300", "-o", &run], 0);
-        // Rows are missed by up to twenty times their noise without the lag, and by up to three times with it: neither is said to fit.
+        // Rows are missed by up to thirty times their noise without the lag, and by up to three times with it: neither is said to fit.
         host(at, &["calibrate", &run, "-o", &format!("{name}.naive.json")], 4);
         host(at, &["calibrate", &run, "--extend", "encoder_lag", "-o", &format!("{name}.late.json")], 4);
         let [naive, late] = ["naive", "late"].map(|which| json(&at.join(format!("{name}.{which}.json"))));
