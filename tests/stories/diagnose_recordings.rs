@@ -75,11 +75,12 @@ fn the_riddle_of_the_bearing_is_solved() {
     let (exit, diag, page) = diagnosed(&folder, "base_bearing");
     assert_eq!(exit, 10);
     let belts = [366.52, 401.95, 531.76];
-    // Without the bearing pitch and roll read 23 and 16 % too soft, as the paper suspected of its own; yaw is right.
+    // Without the bearing pitch and roll read too soft, as the paper suspected of its own; yaw is right. How far off a wrong model reads depends on
+    // the noise it assumes, so the bounds are half and one and a half of what is measured.
     let [yaw, pitch, roll] = base_belts(&diag, belts);
-    assert!((-0.01..0.01).contains(&yaw), "yaw {yaw:+.3}"); // −0.001 measured
-    assert!((-0.35..-0.12).contains(&pitch), "pitch {pitch:+.3}"); // −0.231 measured
-    assert!((-0.28..-0.08).contains(&roll), "roll {roll:+.3}"); // −0.160 measured
+    assert!((-0.01..0.01).contains(&yaw), "yaw {yaw:+.3}"); // −0.002 measured
+    assert!((-0.40..-0.13).contains(&pitch), "pitch {pitch:+.3}"); // −0.265 measured
+    assert!((-0.48..-0.16).contains(&roll), "roll {roll:+.3}"); // −0.321 measured
     // Measured: 0.001 % (stiffness), 0.007 % (damping) and 0.002 % (belts).
     let bearing = [
         ("base_bearing.k[x]", 6885.2, 5e-5),
