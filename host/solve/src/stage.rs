@@ -206,6 +206,19 @@ impl Stage {
         units.chain(sensors).chain(others).chain(transitions)
     }
 
+    /// Multiplies all rows by `weight`, those of the transition too.
+    pub fn weigh(&mut self, weight: f64) {
+        for unit in &mut self.units {
+            unit.slope *= weight;
+            unit.residual *= weight;
+        }
+        for panel in [&mut self.sensors, &mut self.others, &mut self.transition] {
+            panel.values.iter_mut().flat_map(|quad| &mut quad.0).for_each(|value| *value *= weight);
+            panel.residuals.iter_mut().for_each(|residual| *residual *= weight);
+        }
+        self.weight.iter_mut().flat_map(|quad| &mut quad.0).for_each(|value| *value *= weight);
+    }
+
     /// Breaks the chain behind this stage.
     pub fn unlink(&mut self) {
         self.linked = false;

@@ -29,8 +29,8 @@ const EASY: f64 = 1e-4;
 /// Iterations after which more laws explain more, or are about to, or never do.
 const HOPELESS: usize = 8;
 
-/// Steps of the states alone in a search, after steps that lead to more than they started from.
-const INNER_ITERATIONS: usize = 12;
+/// Stages that a search may factorise in steps of the states alone, after steps that lead to more than they started from: short recordings can afford more of such steps.
+const INNER_STAGES: usize = 120_000;
 
 /// How long a search goes on.
 #[derive(Debug, Clone, Copy)]
@@ -131,6 +131,19 @@ impl<'a> Bench<'a> {
         self.search(laws, &from.known(), Effort::of(iterations))
     }
 
+    /// Fits the model of `from` again with all rows of each block multiplied by such a weight, in at most so many iterations.
+    ///
+    /// # Errors
+    /// A model that cannot be solved.
+    pub fn fit_weighted(
+        &self,
+        from: &Trial,
+        block_weights: &[f64],
+        iterations: usize,
+    ) -> Result<Trial, CalibrateError> {
+        self.search(&from.laws, &Known { block_weights, ..from.known() }, Effort::of(iterations))
+    }
+
     /// [`Self::fit`] of laws on top of those of `from`, a trial on this bench. Gives up where they cost more than `above` and do not fall fast.
     ///
     /// # Errors
@@ -181,7 +194,8 @@ impl<'a> Bench<'a> {
     ) -> Result<Trial, CalibrateError> {
         let trimmed = from.known();
         let value = |name: &str| (trimmed.value)(name).or_else(|| other.value(name).map(|value| value.estimate));
-        self.search(laws, &Known { value: Box::new(value), ..from.known() }, Effort::of(iterations))
+        let known = Known { value: Box::new(value), block_weights: &other.block_weights, ..from.known() };
+        self.search(laws, &known, Effort::of(iterations))
     }
 
     /// k_pwm U u (or k_t i, or the torque itself) at stage k by the values of a trial, N m or N.
@@ -215,9 +229,15 @@ impl<'a> Bench<'a> {
 
     /// A nearer start: where the rows are far from small, a search under the tight weights of the bench creeps along the narrow valley that the
     /// states leave it. Under the noise that the base model takes its errors for the valley is wide, and its floor is near. States that suit the tight weights follow.
-    pub(super) fn eased<'m>(&self, problem: &mut Problem<'m>, start: Point<'m>, held: &[Vec<f64>]) -> Point<'m> {
-        if !self.is_far(levenberg::total_cost(problem, &start, self.settings.threads)) {
-            return start;
+    /// None where the start is near, or no search ends in numbers.
+    pub(super) fn eased<'m>(
+        &self,
+        problem: &mut Problem<'m>,
+        start: &Point<'m>,
+        held: &[Vec<f64>],
+    ) -> Option<Point<'m>> {
+        if !self.is_far(problem, start) {
+            return None;
         }
         self.weigh(problem, &self.easy);
         let settings = Settings {
@@ -233,14 +253,17 @@ impl<'a> Bench<'a> {
         match eased {
             Ok(eased) if eased.cost.is_finite() => {
                 problem.shift_readings(&eased.point.z);
-                equilibrium::states_alone(problem, eased.point, &self.settings)
+                Some(equilibrium::states_alone(problem, eased.point, &self.settings))
             }
-            _ => start,
+            _ => None,
         }
     }
 
-    /// Whether rows are wrong by more than their noise.
-    fn is_far(&self, cost: f64) -> bool {
+    /// Whether rows, as they are without the weights of blocks, are wrong by more than their noise.
+    fn is_far<'m>(&self, problem: &mut Problem<'m>, point: &Point<'m>) -> bool {
+        let weights = std::mem::take(&mut problem.stage_weights);
+        let cost = levenberg::total_cost(problem, point, self.settings.threads);
+        problem.stage_weights = weights;
         let rows = self.series.stages() * self.series.channels.len();
         cost >= 0.5 * FAR * rows as f64
     }
@@ -257,26 +280,16 @@ impl<'a> Bench<'a> {
         let mut start = equilibrium::settled(&problem, start, &self.settings);
         let is_fresh = from.states.is_empty();
         if is_fresh {
-            start = self.eased(&mut problem, start, &held);
+            start = self.eased(&mut problem, &start, &held).unwrap_or(start);
         }
         let settings = Settings {
             max_iterations: iterations,
             most_while_falling: iterations,
             hopeless,
-            inner_iterations: INNER_ITERATIONS,
+            inner_iterations: INNER_STAGES / self.series.stages().max(1),
             ..self.settings.clone()
         };
-        let mut solution = levenberg::minimise(&problem, start.clone(), &held, &settings, Self::progress)?;
-        let has_ended = matches!(solution.status, levenberg::Status::Converged | levenberg::Status::Almost);
-        if !(is_fresh || has_ended) && self.is_far(solution.cost) {
-            let eased = self.eased(&mut problem, start, &held);
-            let other = levenberg::minimise(&problem, eased, &held, &settings, Self::progress);
-            if let Ok(other) = other
-                && other.cost < solution.cost
-            {
-                solution = other;
-            }
-        }
+        let solution = levenberg::minimise(&problem, start, &held, &settings, Self::progress)?;
         let mut border = Border::new(&solution.information, &solution.gradient, &held);
         // A stop that is never met shows nothing of itself, and should not hide what the others show.
         border.hold_undetermined();
@@ -290,6 +303,7 @@ impl<'a> Bench<'a> {
             biases: point.biases,
             states: point.states,
             layout: model.layout().clone(),
+            block_weights: from.block_weights.to_vec(),
         })
     }
 
@@ -300,10 +314,17 @@ impl<'a> Bench<'a> {
     /// The problem of `model`, where its search starts, and what is held.
     pub(super) fn at<'m>(&'m self, model: &'m Model, from: &Known<'_>) -> (Problem<'m>, Point<'m>, Vec<Vec<f64>>) {
         let mut problem = self.problem(model);
+        problem.stage_weights = self.stage_weights(from.block_weights);
         let point = extension::warm_start(&problem, self.robot, &self.series, from, &self.settings);
         problem.shift_readings(&point.z);
         let held = self.held(model, &problem);
         (problem, point, held)
+    }
+
+    /// Of every stage, that of its block; empty where blocks have none.
+    fn stage_weights(&self, block_weights: &[f64]) -> Vec<f64> {
+        let of_block = self.blocks().into_iter().zip(block_weights);
+        of_block.flat_map(|(block, weight)| std::iter::repeat_n(*weight, block.len())).collect()
     }
 
     /// Directions of the border that no search on this bench moves along.

@@ -39,7 +39,7 @@ impl Quadratic {
     }
 }
 
-/// The blocks of a trial, in the free directions of its shared unknowns (each of about unit information).
+/// The blocks of a trial, in the free directions of its shared unknowns (each of about unit information), weighted as the trial is.
 #[derive(Debug, Clone)]
 pub struct BlockFit {
     /// Of every block.
@@ -52,7 +52,9 @@ pub struct BlockFit {
     pub free: DMatrix<f64>,
     /// The coordinates of each law of the trial.
     pub laws: Vec<Range<usize>>,
-    /// Of every block: ln |H_xx| less that of what is assumed of states which laws bring, the Laplace term of the marginal likelihood.
+    /// What the rows of every block are multiplied by.
+    pub weights: Vec<f64>,
+    /// Of every block, without its weight: ln |H_xx| less that of what is assumed of states which laws bring, the Laplace term of the marginal likelihood.
     pub log_determinants: Vec<f64>,
 }
 
@@ -207,6 +209,8 @@ impl<'a> Bench<'a> {
         let mut freedom = Vec::with_capacity(ranges.len());
         for (range, log_determinant) in ranges.into_iter().zip(&mut log_determinants) {
             freedom.push(problem.rows_of(point, range.clone()) as f64 - size * range.len() as f64);
+            let weight = problem.stage_weight(range.start);
+            *log_determinant -= 2.0 * size * range.len() as f64 * weight.ln();
             *log_determinant -= self.assumed_of_added(problem, range);
         }
         let coordinates = problem.model.coordinates();
@@ -214,7 +218,8 @@ impl<'a> Bench<'a> {
             let first = coordinates.first_of_law(law);
             first..first + own.parameters().coordinates.len()
         });
-        BlockFit { blocks, prior, freedom, free: free.clone(), laws: laws.collect(), log_determinants }
+        let weights = self.block_starts.iter().map(|start| problem.stage_weight(*start)).collect();
+        BlockFit { blocks, prior, freedom, free: free.clone(), laws: laws.collect(), weights, log_determinants }
     }
 
     /// 2 Σ ln(1/σ) of the rows that states which laws bring have of their own: what ln |H_xx| has of them where readings say nothing.

@@ -141,6 +141,8 @@ pub(super) struct Known<'a> {
     pub layout: &'a Layout,
     /// The laws whose own states are among them; none where they are not told.
     pub laws: &'a [Arc<dyn Law>],
+    /// See [`Trial::block_weights`](super::Trial::block_weights).
+    pub block_weights: &'a [f64],
 }
 
 /// What a fit knows.
@@ -166,6 +168,7 @@ pub(super) fn known(fit: &Fit) -> Known<'_> {
         states: &fit.states,
         layout: &fit.layout,
         laws: &[],
+        block_weights: &[],
     }
 }
 

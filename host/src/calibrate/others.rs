@@ -34,9 +34,10 @@ impl Bench<'_> {
     /// A model that cannot be built or solved.
     pub fn with_own(&self, trial: &Trial, is_own: &dyn Fn(&str) -> bool) -> Result<Trial, CalibrateError> {
         let model = Model::extended(self.robot, trial.laws.clone())?;
-        let (mut problem, start, mut held) = self.at(&model, &Known { states: &[], ..trial.known() });
+        let (mut problem, start, mut held) =
+            self.at(&model, &Known { states: &[], block_weights: &[], ..trial.known() });
         held.extend(self.held_but(&model, &problem, is_own));
-        let start = self.eased(&mut problem, start, &held);
+        let start = self.eased(&mut problem, &start, &held).unwrap_or(start);
         let point = levenberg::minimise(&problem, start, &held, &self.settings, |_, _| {})?.point;
         let coordinates = model.coordinates();
         let values = coordinates.names().zip(coordinates.to_physical(&point.z)).map(|((name, _), estimate)| {
@@ -56,6 +57,7 @@ impl Bench<'_> {
             biases: point.biases,
             states: point.states,
             layout: model.layout().clone(),
+            block_weights: Vec::new(),
             ..trial.clone()
         })
     }

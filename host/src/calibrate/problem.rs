@@ -40,6 +40,8 @@ pub struct Problem<'m> {
     pub(super) noise: Noise,
     /// 1/σ of each state component's step.
     pub(super) process_weight: Vec<f64>,
+    /// What all rows of each stage are multiplied by; empty where that is one.
+    pub(super) stage_weights: Vec<f64>,
     /// Whether a channel is read after the tick's start, so that rows need the accelerations.
     late: bool,
     /// The longest step.
@@ -89,6 +91,7 @@ impl<'m> Problem<'m> {
             scale: RobotScale::of(robot, model),
             noise: noise.clone(),
             process_weight: Vec::new(),
+            stage_weights: Vec::new(),
             late,
             longest_s: (0..series.stages()).map(|k| series.duration_s(k)).fold(0.0, f64::max),
             walks_sensors,
@@ -379,10 +382,26 @@ impl<'m> Problem<'m> {
         point.dynamics.derivative_with(x, input, links, xdot);
     }
 
+    /// What all rows of stage k are multiplied by.
+    pub(super) fn stage_weight(&self, k: usize) -> f64 {
+        self.stage_weights.get(k).copied().unwrap_or(1.0)
+    }
+
     /// The fast kernel, if steps are made in one part: it knows no others.
     fn kernel(&self, point: &Point<'m>) -> Option<&Fast> {
         let is_whole = || self.assumptions.integrator.parts(&point.dynamics, self.longest_s) == 1;
         self.fast.as_ref().filter(|_| is_whole())
+    }
+
+    fn unweighted_cost(&self, point: &Point<'m>, stages: Range<usize>, scratch: &mut Scratch) -> f64 {
+        if let Some(fast) = self.kernel(point) {
+            let by_kernel = self.cost_wide(fast, point, stages.clone(), &mut scratch.wide);
+            if !self.walks_sensors {
+                return by_kernel;
+            }
+            return by_kernel + 0.5 * stages.map(|k| self.reading_squares(point, k, scratch)).sum::<f64>();
+        }
+        0.5 * stages.map(|k| self.stage_squares(point, k, scratch)).sum::<f64>()
     }
 
     /// Whether stage k is carried into stage k+1.
@@ -419,29 +438,33 @@ impl<'m> LeastSquares for Problem<'m> {
     }
 
     fn linearise(&self, point: &Point<'m>, first: usize, scratch: &mut Scratch, batch: &mut [Stage]) {
-        let Some(fast) = self.kernel(point) else {
-            for (k, stage) in (first..).zip(batch) {
+        if let Some(fast) = self.kernel(point) {
+            self.linearise_wide(fast, point, first, &mut scratch.wide, batch);
+            if self.walks_sensors {
+                for (k, stage) in (first..).zip(&mut *batch) {
+                    self.linearise_readings(point, k, scratch, stage);
+                }
+            }
+        } else {
+            for (k, stage) in (first..).zip(&mut *batch) {
                 self.linearise_stage(point, k, scratch, stage);
             }
-            return;
-        };
-        self.linearise_wide(fast, point, first, &mut scratch.wide, batch);
-        if self.walks_sensors {
-            for (k, stage) in (first..).zip(batch) {
-                self.linearise_readings(point, k, scratch, stage);
-            }
+        }
+        for (stage, weight) in batch.iter_mut().zip(self.stage_weights.get(first..).unwrap_or_default()) {
+            stage.weigh(*weight);
         }
     }
 
     fn cost(&self, point: &Point<'m>, stages: Range<usize>, scratch: &mut Scratch) -> f64 {
-        if let Some(fast) = self.kernel(point) {
-            let by_kernel = self.cost_wide(fast, point, stages.clone(), &mut scratch.wide);
-            if !self.walks_sensors {
-                return by_kernel;
-            }
-            return by_kernel + 0.5 * stages.map(|k| self.reading_squares(point, k, scratch)).sum::<f64>();
+        let mut sum = 0.0;
+        let mut first = stages.start;
+        while first < stages.end {
+            let weight = self.stage_weight(first);
+            let alike = (first..stages.end).take_while(|k| self.stage_weight(*k) == weight).count();
+            sum += weight * weight * self.unweighted_cost(point, first..first + alike, scratch);
+            first += alike;
         }
-        0.5 * stages.map(|k| self.stage_squares(point, k, scratch)).sum::<f64>()
+        sum
     }
 
     fn retract(&self, point: &Point<'m>, step: &Step, to: &mut Point<'m>) {

@@ -288,6 +288,7 @@ impl ExtraColumns<Problem<'_>> for AllColumns<'_, '_> {
             let Room { base, of_each, rows, trial, whole_step, start, moved } = &mut *room;
             self.rows_by_channel(point, k, base, rows);
             let half_s = 0.5 * self.base.series.duration_s(k);
+            let stage_weight = self.base.stage_weight(k);
             let of_trial = (self.base, point, &self.all[..]);
             trial.fill(of_trial, k, (false, true), None, base);
             for ((column, asked), scratch) in self.asked.iter().zip(of_each) {
@@ -297,7 +298,7 @@ impl ExtraColumns<Problem<'_>> for AllColumns<'_, '_> {
                     for (channel, row) in rows.iter().enumerate().filter(|_| asked.sees) {
                         let difference = to.channels[channel] - from.channels[channel];
                         if let (Some(row), true) = (row, difference != 0.0) {
-                            entries.add(*row, column, difference / by);
+                            entries.add(*row, column, stage_weight * difference / by);
                         }
                     }
                     let difference = |i: usize| to.change[i] - from.change[i];
@@ -307,7 +308,7 @@ impl ExtraColumns<Problem<'_>> for AllColumns<'_, '_> {
                             .map_or(0.0, |speed| if asked.by_steps { 0.0 } else { half_s * difference(speed) });
                         let moved_by = difference(i) + pushed;
                         if moved_by != 0.0 {
-                            let weight = self.base.process_weight[i];
+                            let weight = stage_weight * self.base.process_weight[i];
                             entries.add(RowAt::Transition(i), column, weight * moved_by / by);
                         }
                     }

@@ -31,8 +31,10 @@ pub struct TrialValue {
 pub struct Trial {
     /// What extends the base model.
     pub laws: Vec<Arc<dyn Law>>,
-    /// ½ Σ r².
+    /// ½ Σ r², weighted.
     pub cost: f64,
+    /// What all rows of each block of the bench were multiplied by; empty where that is one.
+    pub block_weights: Vec<f64>,
     /// Every parameter of the dynamics, the laws' behind the base model's.
     pub values: Vec<TrialValue>,
     pub(super) rotations: Vec<Matrix3<f64>>,
@@ -74,6 +76,7 @@ impl Trial {
             states: &self.states,
             layout: &self.layout,
             laws: &self.laws,
+            block_weights: &self.block_weights,
         }
     }
 }

@@ -114,6 +114,7 @@ impl Trimmed {
             states: &self.states,
             layout: &self.layout,
             laws: &[],
+            block_weights: &[],
         }
     }
 }

@@ -10,7 +10,7 @@ use std::ops::Range;
 use nalgebra::{DMatrix, DVector};
 
 use super::cross_validation::{left_out_steps, log_gain};
-use super::significance::{p_of_blocks, p_of_both, p_of_mean};
+use super::significance::{p_of_blocks, p_of_both, p_of_gains};
 use crate::calibrate::{BlockFit, BlockScores, LawBlock, Quadratic};
 
 /// Directions of a law that keep less than this share of their information beside the shared unknowns cannot be seen.
@@ -149,7 +149,7 @@ fn score_law(
     Ok(Some(LawScore {
         score: total.norm_squared(),
         freedom: seen,
-        p: p_of_both(p_of_blocks(&u, &e, &shares), p_of_mean(&gains)),
+        p: p_of_both(p_of_blocks(&u, &e, &shares), p_of_gains(&gains)),
         vif,
         z: z.collect(),
         gains,
@@ -244,6 +244,7 @@ mod tests {
             prior: DMatrix::zeros(1, 1),
             freedom: vec![39.0; 24],
             log_determinants: vec![0.0; 24],
+            weights: vec![1.0; 24],
             free: DMatrix::identity(1, 1),
             laws: Vec::new(),
         };

@@ -12,7 +12,7 @@ pub const BLOCKS: usize = 30;
 pub const WORST_BLOCKS: usize = 4;
 
 /// Samples of all blocks together of a robot of [`STATES`] states; a recording of up to three times as many is looked at whole.
-pub const SAMPLES: usize = 12_000;
+pub const SAMPLES: usize = 8_000;
 
 /// Noise of steps so many times what steps have at least, from which on events are looked for in what the greater part of the recording leaves.
 pub const WRONG: f64 = 3.0;
@@ -33,7 +33,7 @@ pub const LEVEL: f64 = 0.01;
 pub const SIEVE: f64 = 0.05;
 
 /// Laws that are refitted in each round, the best of the scan, and at most so many more that are collinear with the best or act on the same quantity.
-pub const REFITTED: usize = 4;
+pub const REFITTED: usize = 5;
 /// See [`REFITTED`].
 pub const RIVALS_REFITTED: usize = 2;
 
@@ -46,7 +46,7 @@ pub const LEAST_OF_BEST: f64 = 0.5;
 /// |cos| of projected columns from which on two laws may stand for each other.
 pub const COLLINEAR: f64 = 0.9;
 
-/// Curves that gain less than this share of what the base model leaves unexplained have no line in the result.
+/// Curves that gain less than this share of what the base model leaves unexplained have no line in the result; a law that gains less of what is explained with it is no finding.
 pub const LEAST_SHARE: f64 = 0.02;
 
 /// A law is named where it gains at least this share of what the best curve on its row gains.

@@ -62,7 +62,7 @@ use crate::robot::Robot;
 use solve::levenberg::Settings;
 
 /// Trials end at this relative change of the cost: half a unit of the likelihood where the model fits. Wrong models crawl on for long.
-const ENOUGH: f64 = 1e-5;
+const ENOUGH: f64 = 1e-4;
 /// And after so many iterations.
 const MOST_ITERATIONS: usize = 25;
 /// Iterations of each search of the calibration with the findings, which starts where the bench has ended.
@@ -122,6 +122,7 @@ pub fn diagnose(
     let clues = events::from_clues(trimmed.as_ref(), &candidates);
     let on_bench = Fitted::of(&bench, &contiguous, trial)?;
     let refit = Refit { bench, contiguous, trimmed };
+    let on_bench = refit.reweighted(refit.reweighted(on_bench));
     let mut selection = selection::select(&refit, on_bench, (&candidates, &clues), &plausibility, step)?;
 
     step("looking for curves");
@@ -135,7 +136,15 @@ pub fn diagnose(
     let (first_curves, _) = thinned(&selection.base.trial);
     step("predicting the other motion");
     let unseen = Holdout::new(robot, &unseen);
-    let (judged, rejected) = report::judge(&refit, &unseen, &mut selection);
+    let grow = |selection: &mut Selection, rejected: &[Rejected]| {
+        let is_left = |effect: &Effect| rejected.iter().all(|other| other.effect != effect.id);
+        let candidates: Vec<_> = candidates.iter().filter(|c| is_left(c.effect)).cloned().collect();
+        let clues: Vec<_> = clues.iter().filter(|clue| is_left(clue.effect)).cloned().collect();
+        if let Err(error) = selection::grow(&refit, selection, (&candidates, &clues), &plausibility, step) {
+            tracing::debug!(%error, "nothing takes the place of what was rejected");
+        }
+    };
+    let (judged, rejected) = report::judge(&refit, &unseen, &mut selection, &grow);
     let (left, scale) =
         if selection.accepted.is_empty() { (first_curves.clone(), 1.0) } else { thinned(&selection.current.trial) };
 

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use super::axes::is_of;
 use super::block_scores::left_out;
 use super::catalogue::{Named, laws};
 use super::criteria::STATES;
@@ -10,7 +11,7 @@ use crate::calibrate::{Bench, BlockFit, CalibrateError, Trial, Trimmed};
 use crate::model::law::Law;
 
 /// Iterations of a law, of one of an event, and of a model that lost one.
-const ITERATIONS: usize = 20;
+const ITERATIONS: usize = 30;
 const EVENT_ITERATIONS: usize = 40;
 const DROP_ITERATIONS: usize = 10;
 
@@ -19,7 +20,7 @@ const DROP_ITERATIONS: usize = 10;
 pub struct Fitted {
     /// The end of its search.
     pub trial: Trial,
-    /// Of each block: Σ r² with the parameters that the other blocks show.
+    /// Of each block: Σ r², without its weight, with the parameters that the other blocks show.
     pub left_out: Vec<f64>,
     /// Of each block: the same with the parameters of all.
     pub own: Vec<f64>,
@@ -39,9 +40,10 @@ impl Fitted {
     pub fn of(bench: &Bench<'_>, contiguous: &[bool], trial: Trial) -> Result<Self, CalibrateError> {
         let fit = bench.block_fit(&trial)?;
         let left_out = left_out(&fit, contiguous).ok_or(CalibrateError::Undetermined)?;
+        let unweighted = |squares: f64, weight: &f64| squares / (weight * weight);
         Ok(Fitted {
-            left_out,
-            own: fit.blocks.iter().map(|block| block.squares).collect(),
+            left_out: left_out.into_iter().zip(&fit.weights).map(|(squares, w)| unweighted(squares, w)).collect(),
+            own: fit.blocks.iter().zip(&fit.weights).map(|(block, w)| unweighted(block.squares, w)).collect(),
             freedom: fit.freedom.clone(),
             log_determinants: fit.log_determinants.clone(),
             trial,
@@ -54,9 +56,16 @@ impl Fitted {
         self.gains((&other.left_out, &self.left_out), other)
     }
 
-    /// Σ r² that this model saves over `other` in each block out of sample: what rivals are compared by, since how well they explain the same is a matter of its size.
+    /// Weighted Σ r² that this model saves over `other` in each block out of sample: what rivals are compared by, since how well they explain the same is a matter of its size.
     pub fn squares_saved_over(&self, other: &Fitted) -> Vec<f64> {
-        other.left_out.iter().zip(&self.left_out).map(|(before, after)| before - after).collect()
+        let saved = other.left_out.iter().zip(&self.left_out).map(|(before, after)| before - after);
+        saved.zip(&self.fit.weights).map(|(saved, weight)| saved * weight * weight).collect()
+    }
+
+    /// Of each block, the weight that makes the mean square of its rows one, where they are wrong by more than their noise.
+    fn block_weights(&self) -> Vec<f64> {
+        let dispersion = self.own.iter().zip(&self.freedom).map(|(squares, freedom)| squares / freedom.max(1.0));
+        dispersion.map(|dispersion| dispersion.max(1.0).sqrt().recip()).collect()
     }
 
     /// The same with the parameters of all blocks.
@@ -84,7 +93,7 @@ impl Fitted {
 /// As many samples as cost what `of_doggy` samples of a robot with [`STATES`] states do.
 pub fn samples_for(states: usize, of_doggy: usize) -> usize {
     match states {
-        0..=STATES => (of_doggy * STATES / states.max(1)).min(of_doggy * 3 / 2),
+        0..=STATES => (of_doggy * STATES / states.max(1)).min(of_doggy * 2),
         _ => of_doggy * STATES * STATES / (states * states),
     }
 }
@@ -103,6 +112,34 @@ impl Refit<'_> {
     /// How many samples suit a robot with so many states.
     pub fn samples(&self, of_doggy: usize) -> usize {
         samples_for(self.bench.states(), of_doggy)
+    }
+
+    /// The same model with every block weighted by what it leaves there, so that what is estimated is what gains are measured by: the largest of Σ n ln(1 / cost) over
+    /// blocks, each with a scale of noise of its own. As it was where no search ends in numbers.
+    pub fn reweighted(&self, fitted: Fitted) -> Fitted {
+        let weighted = self.bench.fit_weighted(&fitted.trial, &fitted.block_weights(), ITERATIONS);
+        let measured = weighted.and_then(|trial| Fitted::of(&self.bench, &self.contiguous, trial));
+        match measured {
+            Ok(weighted) if weighted.left_out.iter().all(|cost| cost.is_finite()) => {
+                let gain: f64 = weighted.own_gains_over(&fitted).iter().sum();
+                tracing::debug!(gain, "blocks weighted");
+                weighted
+            }
+            Ok(_) => fitted,
+            Err(error) => {
+                tracing::debug!(%error, "blocks keep their weights");
+                fitted
+            }
+        }
+    }
+
+    /// The same model with all samples at their own weight, as the calibration is that users take.
+    pub fn unweighted(&self, fitted: &Fitted) -> Trial {
+        let trial = self.bench.fit_weighted(&fitted.trial, &[], ITERATIONS);
+        trial.unwrap_or_else(|error| {
+            tracing::debug!(%error, "blocks keep their weights");
+            fitted.trial.clone()
+        })
     }
 
     /// The model of `current`, which has `accepted`, with one more law: searched from the law's start, and again with its corners where it has some. The one that predicts other
@@ -163,7 +200,9 @@ impl Refit<'_> {
             Ok(fitted) if fitted.left_out.iter().all(|cost| cost.is_finite()) => {
                 let gain: f64 = fitted.gains_over(current).iter().sum();
                 let own: f64 = fitted.own_gains_over(current).iter().sum();
-                tracing::debug!(effect = named.effect.id, gain, own, "refit");
+                let of_law = fitted.trial.values.iter().filter(|value| is_of(named.effect, &value.name));
+                let values: Vec<f64> = of_law.map(|value| value.estimate).collect();
+                tracing::debug!(effect = named.effect.id, gain, own, ?values, "refit");
                 Some((named.clone(), fitted))
             }
             Ok(_) => None,

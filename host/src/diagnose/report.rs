@@ -60,11 +60,15 @@ pub struct Judged {
 }
 
 /// Asks the other motion, after the selection: of all findings, and of each by leaving it out. What harms its prediction for sure is no cause and leaves the selection, the most harmful
-/// one first, since beside it others may look harmful too; the best of its rivals that other blocks support takes its place, and is judged in its turn. Nothing else is
-/// decided by it.
-pub fn judge(refit: &Refit<'_>, holdout: &Holdout<'_>, selection: &mut Selection) -> (Judged, Vec<Rejected>) {
-    let mut rejected = Vec::new();
-    let base = match holdout.predict(&refit.bench, &selection.base.trial, &[]) {
+/// one first, since beside it others may look harmful too; what the selection finds without it is judged in its turn. Nothing else is decided by it.
+pub fn judge(
+    refit: &Refit<'_>,
+    holdout: &Holdout<'_>,
+    selection: &mut Selection,
+    grow: &dyn Fn(&mut Selection, &[Rejected]),
+) -> (Judged, Vec<Rejected>) {
+    let mut rejected: Vec<Rejected> = Vec::new();
+    let base = match holdout.predict(&refit.bench, &refit.unweighted(&selection.base), &[]) {
         Ok(base) => base,
         Err(error) => {
             tracing::debug!(%error, "the other motion cannot be predicted");
@@ -79,12 +83,15 @@ pub fn judge(refit: &Refit<'_>, holdout: &Holdout<'_>, selection: &mut Selection
         let worst = (0..judged.of_each.len()).filter(is_harmful).min_by(|a, b| gain(a).total_cmp(&gain(b)));
         // With which the other motion cannot be predicted at all, and without which it can.
         let unfit = || (0..judged.of_each.len()).rev().find(|place| judged.all.is_none() && judged.predicted[*place]);
-        let Some(worst) = worst.or_else(unfit) else { return (in_order(selection, judged), rejected) };
+        // All together harm, and none is to blame for sure: the one that came in last, since the model before it is known to be sound on its own motion.
+        let is_harmful = judged.all.as_ref().is_some_and(|all| all.ci95.is_some_and(|[_, high]| high < 0.0));
+        let last = || judged.of_each.len().checked_sub(1).filter(|_| is_harmful);
+        let Some(worst) = worst.or_else(unfit).or_else(last) else { return (in_order(selection, judged), rejected) };
         let axes = axes(selection.accepted[worst].named.effect, &selection.current.trial);
         let others = if selection.accepted.len() > 1 { without.swap_remove(worst) } else { selection.base.clone() };
         let accepted = selection.remove(worst, others);
         rejected.push(reject(&accepted, &axes, judged.of_each[worst].1.as_ref()));
-        selection.replace_by_rival(refit, &accepted, |rival| rejected.iter().any(|other| other.effect == rival.id));
+        grow(selection, &rejected);
     }
 }
 
@@ -111,7 +118,7 @@ fn evaluate(
     }
     let predict = |fitted: &Fitted, effects: &[&'static Effect]| {
         holdout
-            .predict(&refit.bench, &fitted.trial, effects)
+            .predict(&refit.bench, &refit.unweighted(fitted), effects)
             .inspect_err(|error| tracing::debug!(%error, "an extended model cannot predict the other motion"))
             .ok()
     };
@@ -136,6 +143,11 @@ fn evaluate(
         judged.by_channel = holdout.by_channel(base, &extended);
         judged.extended_ahead_sigma = holdout.ahead_sigma(&extended);
         let joint = holdout.gain(base, &extended);
+        let ids: Vec<&str> = effects.iter().map(|effect| effect.id).collect();
+        tracing::debug!(?ids, gain = joint.share, ci95 = ?joint.ci95, "the other motion");
+        for channel in &judged.by_channel {
+            tracing::trace!(channel.horizon_s, channel.channel, channel.gain, "the other motion");
+        }
         judged.all = Some(HoldoutGain {
             share: joint.share,
             ci95: joint.ci95,
@@ -355,7 +367,8 @@ impl Evidence<'_> {
             }
         }
         let (amplitudes, information): (Vec<f64>, Vec<f64>) = fitted.fit.amplitudes(&direction).into_iter().unzip();
-        let squares: f64 = fitted.own.iter().sum();
+        let squares: f64 =
+            fitted.own.iter().zip(&fitted.fit.weights).map(|(squares, weight)| squares * weight * weight).sum();
         let inflation = (squares / fitted.freedom.iter().sum::<f64>().max(1.0)).max(1.0);
         stability(&amplitudes, &information, inflation)
     }

@@ -13,8 +13,8 @@ use super::axes::axes_of_step;
 use super::block_scores::{LawScore, collinearity, score_laws};
 use super::catalogue::{Candidate, Named};
 use super::criteria::{
-    BLOCKS, COLLINEAR, COVERED, LEAST_OF_BEST, LEVEL, MOST_FINDINGS, PROMISING, REFITTED, RIVALS_REFITTED,
-    SCAN_SAMPLES, SIEVE,
+    BLOCKS, COLLINEAR, COVERED, IMPLAUSIBLE, LEAST_OF_BEST, LEAST_SHARE, LEVEL, MOST_FINDINGS, PROMISING, REFITTED,
+    RIVALS_REFITTED, SCAN_SAMPLES, SIEVE,
 };
 use super::curves::curves;
 use super::events::{at_worst_times, p_of_event, timed};
@@ -22,7 +22,7 @@ use super::interval::{Gain, bca, standard_error};
 use super::plausibility::Plausibility;
 use super::refit::{Fitted, Refit};
 use super::rivals::{Contender, best, weights};
-use super::significance::{p_of_both, p_of_family, p_of_mean, p_of_score};
+use super::significance::{p_of_both, p_of_family, p_of_gains, p_of_score};
 use crate::calibrate::{BlockScores, CalibrateError};
 use crate::effect::Effect;
 use crate::model::law::Law;
@@ -60,8 +60,10 @@ pub struct Accepted {
     pub named: Named,
     /// What it gained in each block out of sample when it came in.
     pub gains: Vec<f64>,
-    /// See [`Scanned::p_family`].
+    /// See [`Scanned::p_family`]; of what blocks lose without it beside the others, and when it came in.
     pub p_family: f64,
+    /// When it came in.
+    p_when_added: f64,
     /// Its weight among its rivals.
     pub weight: f64,
     /// What is collinear with it.
@@ -93,8 +95,10 @@ pub struct Selection {
     pub scan: Vec<Scanned>,
     /// Effects whose columns are not numbers.
     pub not_finite: Vec<(&'static str, usize)>,
-    /// The model before the last cause came in.
-    before_last: Option<Fitted>,
+    /// Laws that a scan looks at.
+    tests: usize,
+    /// The models before each cause came in, as long as none has left.
+    path: Vec<Fitted>,
     /// The model without each cause, and what each block loses, where that is known of what is accepted now.
     losses: Option<Vec<Loss>>,
 }
@@ -111,7 +115,8 @@ impl Selection {
             base,
             scan: Vec::new(),
             not_finite: Vec::new(),
-            before_last: None,
+            tests: 1,
+            path: Vec::new(),
             losses: None,
         }
     }
@@ -119,34 +124,36 @@ impl Selection {
     /// Another model takes the place of the current one.
     fn replace(&mut self, current: Fitted) -> Fitted {
         self.losses = None;
-        self.before_last = None;
+        self.path.clear();
         std::mem::replace(&mut self.current, current)
     }
 
-    /// Puts the best rival of a cause that was taken out in its place, if other blocks support it there.
-    pub fn replace_by_rival(&mut self, refit: &Refit<'_>, of: &Accepted, is_out: impl Fn(&Effect) -> bool) {
-        let accepted: Vec<Named> = self.accepted.iter().map(|accepted| accepted.named.clone()).collect();
-        let is_in = |effect: &Effect| accepted.iter().any(|other| other.effect.id == effect.id);
-        let rival = of.rivals.iter().find(|rival| !is_in(rival.named.effect) && !is_out(rival.named.effect));
-        let Some(rival) = rival else { return };
-        let Some((named, fitted)) = refit.with(&accepted, &self.current, &rival.named, self.current.trial.cost) else {
-            return;
-        };
-        let gains = fitted.gains_over(&self.current);
-        if !share(&gains, 1.0).is_supported() {
-            return;
+    /// A cause comes in, with the model that has it.
+    fn push(&mut self, accepted: Accepted, with: Fitted) {
+        let mut path = std::mem::take(&mut self.path);
+        let follows = path.len() == self.accepted.len();
+        let before = self.replace(with);
+        path.push(before);
+        if follows {
+            self.path = path;
         }
-        tracing::debug!(effect = named.effect.id, of = of.named.effect.id, "a rival in its place");
-        let p_family = of.p_family.max(p_of_mean(&gains));
-        let before = self.replace(fitted);
-        self.before_last = Some(before);
-        let rivals = of.rivals.iter().filter(|other| other.named.effect.id != named.effect.id).cloned().collect();
-        self.accepted.push(Accepted { named, gains, p_family, weight: 1.0, rivals, is_event: false });
+        self.accepted.push(accepted);
+    }
+
+    /// The model before the last cause came in, if that is known.
+    fn before_last(&self) -> Option<&Fitted> {
+        self.path.last().filter(|_| self.path.len() == self.accepted.len())
     }
 
     /// Takes a cause out, whose model without it is known.
     pub fn remove(&mut self, place: usize, without: Fitted) -> Accepted {
+        let mut path = std::mem::take(&mut self.path);
+        let is_last = place + 1 == self.accepted.len() && path.len() == self.accepted.len();
         self.replace(without);
+        if is_last {
+            path.pop();
+            self.path = path;
+        }
         self.accepted.remove(place)
     }
 }
@@ -177,6 +184,7 @@ struct Scan {
 }
 
 /// A refit on top of the current model.
+#[derive(Clone)]
 struct Tried {
     named: Named,
     fitted: Fitted,
@@ -203,16 +211,31 @@ pub fn select(
     step: &dyn Fn(&str),
 ) -> Result<Selection, CalibrateError> {
     let mut selection = Selection::of(base);
+    grow(refit, &mut selection, (candidates, clues), plausibility, step)?;
+    Ok(selection)
+}
+
+/// Adds what is supported and drops what that makes superfluous.
+///
+/// # Errors
+/// As a calibration's, of a model that was accepted.
+pub fn grow(
+    refit: &Refit<'_>,
+    selection: &mut Selection,
+    (candidates, clues): (&[Candidate], &[Named]),
+    plausibility: &Plausibility,
+    step: &dyn Fn(&str),
+) -> Result<(), CalibrateError> {
     for _ in 0..PASSES {
-        add(refit, &mut selection, (candidates, clues), plausibility, step)?;
+        add(refit, selection, (candidates, clues), plausibility, step)?;
         step("looking at what stands for something else");
-        let dropped = drop_superfluous(refit, &mut selection)?;
-        let exchanged = exchange(refit, &mut selection, plausibility);
+        let dropped = drop_superfluous(refit, selection)?;
+        let exchanged = exchange(refit, selection, plausibility);
         if !(dropped || exchanged) {
             break;
         }
     }
-    Ok(selection)
+    Ok(())
 }
 
 /// Adds laws until none is supported.
@@ -232,16 +255,38 @@ fn add(
             selection.scan.clone_from(&scan.scanned);
         }
         selection.not_finite.clone_from(&scan.not_finite);
-        let Some((chosen, fitted)) = choose(&selection.current, &scan, tried, plausibility) else { break };
-        if !covers(refit, selection, &chosen) {
-            break;
-        }
+        selection.tests = selection.tests.max(scan.count);
+        let mut left = tried;
+        let (chosen, fitted) = loop {
+            let Some((chosen, fitted)) = choose(&selection.current, &scan, left.clone(), plausibility) else {
+                return Ok(());
+            };
+            if matters(selection, &chosen) && covers(refit, selection, &chosen) {
+                break (chosen, fitted);
+            }
+            left.retain(|tried| tried.named.effect.id != chosen.named.effect.id);
+        };
         tracing::debug!(effect = chosen.named.effect.id, weight = chosen.weight, "accepted");
-        let before = selection.replace(fitted);
-        selection.before_last = Some(before);
-        selection.accepted.push(chosen);
+        selection.push(chosen, refit.reweighted(fitted));
     }
     Ok(())
+}
+
+/// What a law has to gain beside what is explained already.
+fn least_gain(selection: &Selection) -> f64 {
+    let explained: f64 = selection.current.gains_over(&selection.base).iter().sum();
+    LEAST_SHARE / (1.0 - LEAST_SHARE) * explained.max(0.0)
+}
+
+/// Whether a law gains enough.
+fn matters(selection: &Selection, chosen: &Accepted) -> bool {
+    chosen.gains.iter().sum::<f64>() >= least_gain(selection)
+}
+
+/// The cost that a law has to come to for that: a gain is n ln of what the cost falls by.
+fn cost_that_matters(selection: &Selection) -> f64 {
+    let freedom: f64 = selection.current.freedom.iter().sum();
+    selection.current.trial.cost * (-least_gain(selection) / freedom.max(1.0)).exp()
 }
 
 /// Whether a law gains enough of what the best curve on its row does: what predicts better than nothing, and far worse than a curve, is the shadow of something else.
@@ -379,6 +424,7 @@ fn refitted(refit: &Refit<'_>, selection: &Selection, scan: &Scan, clues: &[Name
     };
     let shows_too = |s: &&&Scanned| shows(s);
     let wanted = first.iter().chain(rest.iter().filter(shows_too).filter(is_rival).take(RIVALS_REFITTED));
+    let enough = cost_that_matters(selection);
     for s in wanted.copied().chain(events) {
         let timed_law = if s.named.law.event_s().is_some() {
             timed((&refit.bench, &current.trial), s.named.clone())
@@ -387,7 +433,7 @@ fn refitted(refit: &Refit<'_>, selection: &Selection, scan: &Scan, clues: &[Name
         };
         let Ok(named) = timed_law else { continue };
         let least = tried.iter().map(|tried| tried.fitted.trial.cost).fold(current.trial.cost, f64::min);
-        let above = current.trial.cost - LEAST_OF_BEST * (current.trial.cost - least);
+        let above = (current.trial.cost - LEAST_OF_BEST * (current.trial.cost - least)).min(enough);
         tried.extend(refit.with(&accepted, current, &named, above).map(|(named, fitted)| Tried {
             p_family: of_refit(s, &fitted.gains_over(current), scan.count),
             gains: fitted.gains_over(current),
@@ -412,7 +458,7 @@ fn refitted(refit: &Refit<'_>, selection: &Selection, scan: &Scan, clues: &[Name
 
 /// The family's p of a law by its scan and by its refit: a tangent may show less than there is.
 fn of_refit(scanned: &Scanned, gains: &[f64], tests: usize) -> f64 {
-    p_of_both(scanned.p_family, p_of_family(p_of_mean(gains), tests))
+    p_of_both(scanned.p_family, p_of_family(p_of_gains(gains), tests))
 }
 
 fn axes_of_step_free(law: &dyn Law) -> Vec<usize> {
@@ -434,9 +480,10 @@ fn is_supported(tried: &Tried) -> bool {
         gain = gain.share,
         ci95 = ?gain.ci95,
         p = tried.p_family,
+        gains = ?tried.gains.iter().map(|g| g.round() as i64).collect::<Vec<_>>(),
         "supported?"
     );
-    supported && tried.p_family < LEVEL && gain.share > 0.0
+    supported && (!tried.is_event || tried.p_family < LEVEL) && gain.share > 0.0
 }
 
 /// The law that is added, if any is supported, and the model with it.
@@ -459,7 +506,12 @@ fn choose(current: &Fitted, scan: &Scan, tried: Vec<Tried>, plausibility: &Plaus
         }
         impossible.is_none()
     };
-    let supported: Vec<bool> = tried.iter().map(|tried| is_supported(tried) && is_possible(tried)).collect();
+    let mut supported: Vec<bool> = tried.iter().map(|tried| is_supported(tried) && is_possible(tried)).collect();
+    // A size that no robot has is the last resort.
+    let is_plausible = |i: usize| plausibility.of_law(tried[i].named.effect, &tried[i].fitted.trial) <= IMPLAUSIBLE;
+    if (0..tried.len()).any(|i| supported[i] && is_plausible(i)) {
+        (0..tried.len()).for_each(|i| supported[i] &= is_plausible(i));
+    }
     let top =
         (0..tried.len()).filter(|i| supported[*i]).max_by(|a, b| gain(&tried[*a]).total_cmp(&gain(&tried[*b])))?;
     // Those that may stand for it: their columns do the same to the residuals.
@@ -488,6 +540,7 @@ fn choose(current: &Fitted, scan: &Scan, tried: Vec<Tried>, plausibility: &Plaus
         named: tried.named,
         gains: tried.gains,
         p_family: tried.p_family,
+        p_when_added: tried.p_family,
         weight,
         rivals,
         is_event: tried.is_event,
@@ -501,7 +554,7 @@ fn choose(current: &Fitted, scan: &Scan, tried: Vec<Tried>, plausibility: &Plaus
 /// As a calibration's.
 fn without(refit: &Refit<'_>, selection: &Selection, place: usize) -> Result<Loss, CalibrateError> {
     let is_last = place + 1 == selection.accepted.len();
-    let fitted = match &selection.before_last {
+    let fitted = match selection.before_last() {
         Some(before) if is_last => before.clone(),
         _ => {
             let others = selection.accepted.iter().enumerate().filter(|(other, _)| *other != place);
@@ -537,11 +590,14 @@ fn drop_superfluous(refit: &Refit<'_>, selection: &mut Selection) -> Result<bool
     let mut losses: Vec<Loss> = Vec::new();
     while losses.len() < selection.accepted.len() {
         let place = losses.len();
-        let is_last = place + 1 == selection.accepted.len();
         let (fitted, lost) = without(refit, selection, place)?;
         let gain = share(&lost, 1.0);
-        let is_needed = is_last || gain.is_supported() || selection.accepted[place].is_event && gain.share > 0.0;
-        tracing::debug!(effect = selection.accepted[place].named.effect.id, lost = gain.share, ci95 = ?gain.ci95, "drop?");
+        let tests = selection.tests;
+        let accepted = &mut selection.accepted[place];
+        let p = p_of_both(accepted.p_when_added, p_of_family(p_of_gains(&lost), tests));
+        accepted.p_family = if accepted.is_event { accepted.p_when_added } else { p };
+        let is_needed = gain.is_supported() && accepted.p_family < LEVEL || accepted.is_event && gain.share > 0.0;
+        tracing::debug!(effect = selection.accepted[place].named.effect.id, lost = gain.share, ci95 = ?gain.ci95, p, "drop?");
         if is_needed {
             losses.push((fitted, lost));
         } else {
