@@ -28,16 +28,27 @@ impl Bench<'_> {
     }
 
     /// The model of a trial with what these samples have of their own: states, biases, mountings, and the parameters of which `is_own` says so by their names.
-    /// All else stays.
+    /// All else stays. States start where a similar model on the same samples has them, `near`, if there is one.
     ///
     /// # Errors
     /// A model that cannot be built or solved.
-    pub fn with_own(&self, trial: &Trial, is_own: &dyn Fn(&str) -> bool) -> Result<Trial, CalibrateError> {
+    pub fn with_own(
+        &self,
+        trial: &Trial,
+        near: Option<&Trial>,
+        is_own: &dyn Fn(&str) -> bool,
+    ) -> Result<Trial, CalibrateError> {
         let model = Model::extended(self.robot, trial.laws.clone())?;
-        let (mut problem, start, mut held) =
-            self.at(&model, &Known { states: &[], block_weights: &[], ..trial.known() });
+        let known = Known { states: &[], block_weights: &[], ..trial.known() };
+        let known = match near {
+            Some(near) => Known { states: &near.states, layout: &near.layout, laws: &near.laws, ..known },
+            None => known,
+        };
+        let (mut problem, mut start, mut held) = self.at(&model, &known);
         held.extend(self.held_but(&model, &problem, is_own));
-        let start = self.eased(&mut problem, &start, &held).unwrap_or(start);
+        if near.is_none() {
+            start = self.eased(&mut problem, &start, &held).unwrap_or(start);
+        }
         let point = levenberg::minimise(&problem, start, &held, &self.settings, |_, _| {})?.point;
         let coordinates = model.coordinates();
         let values = coordinates.names().zip(coordinates.to_physical(&point.z)).map(|((name, _), estimate)| {
@@ -100,10 +111,13 @@ mod tests {
         for name in ["k_s[2]", "mu[1]"] {
             off.values.iter_mut().find(|value| value.name == name).unwrap().estimate *= 1.01;
         }
-        let found = others.with_own(&off, &|name| name == "k_s[2]").unwrap();
+        let found = others.with_own(&off, None, &|name| name == "k_s[2]").unwrap();
         // rtol 1e-3: beside a friction that is 1 % off.
         assert!((value(&found, "k_s[2]") / value(&trial, "k_s[2]") - 1.0).abs() < 1e-3);
         // rtol 1e-12: it goes by its logarithm and back.
         assert!((value(&found, "mu[1]") / value(&off, "mu[1]") - 1.0).abs() < 1e-12);
+        // rtol 1e-6: where it starts is no matter.
+        let again = others.with_own(&off, Some(&trial), &|name| name == "k_s[2]").unwrap();
+        assert!((value(&again, "k_s[2]") / value(&found, "k_s[2]") - 1.0).abs() < 1e-6);
     }
 }

@@ -32,6 +32,8 @@ pub const SHOWN_S: f64 = 0.5;
 /// The predictions of one model of the other motion.
 pub struct Predicted {
     windows: Vec<Windows>,
+    /// The model with what is each recording's own.
+    own: Vec<Trial>,
 }
 
 /// The other motion.
@@ -56,7 +58,8 @@ impl<'a> Holdout<'a> {
         Holdout { robot, series: series.collect(), recordings: recordings.to_vec() }
     }
 
-    /// What a trial predicts, with what is each recording's own set free: biases, zeros and what its laws have of their own in each recording.
+    /// What a trial predicts, with what is each recording's own set free: biases, zeros and what its laws have of their own in each recording. States are searched from those of
+    /// another model, `near`, if there is one.
     ///
     /// # Errors
     /// As a calibration's or a verification's.
@@ -65,6 +68,7 @@ impl<'a> Holdout<'a> {
         bench: &Bench<'_>,
         trial: &Trial,
         effects: &[&'static Effect],
+        near: Option<&Predicted>,
     ) -> Result<Predicted, HoldoutError> {
         let is_own = |name: &str| {
             let of_law = effects.iter().find(|effect| is_of(effect, name));
@@ -73,13 +77,15 @@ impl<'a> Holdout<'a> {
                 None => name.starts_with("zero"),
             }
         };
-        let mut windows_of = Vec::new();
-        for (recording, series) in self.recordings.iter().zip(&self.series) {
-            let own = bench.of_others(series.clone()).with_own(trial, &is_own)?;
+        let mut predicted = Predicted { windows: Vec::new(), own: Vec::new() };
+        for (number, (recording, series)) in self.recordings.iter().zip(&self.series).enumerate() {
+            let near = near.map(|near| &near.own[number]);
+            let own = bench.of_others(series.clone()).with_own(trial, near, &is_own)?;
             let model = CalibratedModel::of_trial(bench.robot(), bench.preset(), &own)?;
-            windows_of.push(windows(&model, recording)?);
+            predicted.windows.extend(windows(&model, recording)?);
+            predicted.own.push(own);
         }
-        Ok(Predicted { windows: windows_of.into_iter().flatten().collect() })
+        Ok(predicted)
     }
 
     /// The joint gain of `extended` over `base`.

@@ -146,14 +146,18 @@ impl Refit<'_> {
     /// blocks better; none where no search ends in numbers. One that comes to more than a cost of `above` is given up.
     pub fn with(&self, accepted: &[Named], current: &Fitted, named: &Named, above: f64) -> Option<(Named, Fitted)> {
         let effort = (ITERATIONS, above);
-        let smooth = self.tried(accepted, current, named, |laws| self.bench.fit_on_top(laws, &current.trial, effort));
+        let smooth = self.tried(accepted, current, (named, above), |laws| {
+            self.bench.fit_on_top(laws, &current.trial, effort)
+        });
         if smooth.as_ref().is_some_and(|(_, fitted)| fitted.trial.cost > above) {
             return smooth;
         }
         let from = smooth.as_ref().map_or(&current.trial, |(_, fitted)| &fitted.trial);
         let sharp = named.law.sharp().filter(|_| !named.law.is_event()).map(|law| Named { law, ..named.clone() });
         let sharp = sharp.and_then(|named| {
-            self.tried(accepted, current, &named, |laws| self.bench.fit_from(laws, (from, from), ITERATIONS))
+            self.tried(accepted, current, (&named, above), |laws| {
+                self.bench.fit_from(laws, (from, from), ITERATIONS)
+            })
         });
         let gain = |(_, fitted): &(Named, Fitted)| fitted.gains_over(current).iter().sum::<f64>();
         smooth.into_iter().chain(sharp).max_by(|a, b| gain(a).total_cmp(&gain(b)))
@@ -162,7 +166,7 @@ impl Refit<'_> {
     /// The same of an event, from what the greater part of the recording shows.
     pub fn with_event(&self, accepted: &[Named], current: &Fitted, named: &Named) -> Option<(Named, Fitted)> {
         let trimmed = self.trimmed.as_ref()?;
-        self.tried(accepted, current, named, |laws| {
+        self.tried(accepted, current, (named, f64::INFINITY), |laws| {
             self.bench.fit_trimmed(laws, (trimmed, &current.trial), EVENT_ITERATIONS)
         })
     }
@@ -180,18 +184,19 @@ impl Refit<'_> {
         &self,
         accepted: &[Named],
         current: &Fitted,
-        named: &Named,
+        (named, above): (&Named, f64),
         search: impl Fn(&[Arc<dyn Law>]) -> Result<Trial, CalibrateError>,
     ) -> Option<(Named, Fitted)> {
         let with = laws(accepted.iter().chain([named]));
         let sum = |gains: Vec<f64>| gains.iter().sum::<f64>();
         let measured = |trial: Trial| Fitted::of(&self.bench, &self.contiguous, trial);
         let mut fitted = search(&with).and_then(measured);
-        // Blocks promise more than all of them together have: the search has not ended yet.
+        // Blocks promise more than all of them together have: the search has not ended yet, unless it was given up.
         if let Ok(first) = &fitted
+            && first.trial.cost <= above
             && sum(first.gains_over(current)) > sum(first.own_gains_over(current)).max(0.0)
         {
-            let again = self.bench.fit(&with, &first.trial, ITERATIONS).and_then(measured);
+            let again = self.bench.fit_on_top(&with, &first.trial, (ITERATIONS, above)).and_then(measured);
             let gain = |fitted: &Fitted| sum(fitted.gains_over(current));
             fitted = again.map(|again| if gain(&again) > gain(first) { again } else { first.clone() });
         }

@@ -68,7 +68,7 @@ pub fn judge(
     grow: &dyn Fn(&mut Selection, &[Rejected]),
 ) -> (Judged, Vec<Rejected>) {
     let mut rejected: Vec<Rejected> = Vec::new();
-    let base = match holdout.predict(&refit.bench, &refit.unweighted(&selection.base), &[]) {
+    let base = match holdout.predict(&refit.bench, &refit.unweighted(&selection.base), &[], None) {
         Ok(base) => base,
         Err(error) => {
             tracing::debug!(%error, "the other motion cannot be predicted");
@@ -116,15 +116,15 @@ fn evaluate(
     if effects.is_empty() {
         return (judged, Vec::new());
     }
-    let predict = |fitted: &Fitted, effects: &[&'static Effect]| {
+    let predict = |fitted: &Fitted, effects: &[&'static Effect], near: &Predicted| {
         holdout
-            .predict(&refit.bench, &refit.unweighted(fitted), effects)
+            .predict(&refit.bench, &refit.unweighted(fitted), effects, Some(near))
             .inspect_err(|error| tracing::debug!(%error, "an extended model cannot predict the other motion"))
             .ok()
     };
-    let extended = predict(&selection.current, &effects);
+    let extended = predict(&selection.current, &effects, base);
     let can_predict =
-        |fitted: &Fitted, effects: &[&'static Effect]| effects.is_empty() || predict(fitted, effects).is_some();
+        |fitted: &Fitted, effects: &[&'static Effect]| effects.is_empty() || predict(fitted, effects, base).is_some();
     let mut models = Vec::new();
     for (place, (without, lost)) in losses(refit, selection).into_iter().enumerate() {
         let mut others = effects.clone();
@@ -133,7 +133,7 @@ fn evaluate(
             if others.is_empty() {
                 return Some(holdout.gain(base, extended));
             }
-            Some(holdout.gain(&predict(&without, &others)?, extended))
+            Some(holdout.gain(&predict(&without, &others, extended)?, extended))
         });
         judged.predicted.push(gain.is_some() || can_predict(&without, &others));
         judged.of_each.push((lost, gain));

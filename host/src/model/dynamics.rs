@@ -40,8 +40,8 @@ pub struct Dynamics<'m> {
     pub(super) z: Vec<f64>,
     pub(super) passive: Vec<Passive>,
     links: WeightedLinks<'m>,
-    /// See [`Self::parts_of_step`].
-    friction_per_s: f64,
+    /// Of the joints that rub.
+    rubbing: Vec<Rubbing>,
     pub(super) laws: Vec<Vec<JointLaw<'m>>>,
 }
 
@@ -54,6 +54,17 @@ pub(super) struct Passive {
     pub damping: f64,
     /// The coordinates that are ln k and ln d.
     pub coordinates: [usize; 2],
+}
+
+/// A joint whose speed friction's smoothed sign slows down.
+#[derive(Debug, Clone, Copy)]
+struct Rubbing {
+    /// Component of the state.
+    speed: usize,
+    /// κ/2 of tanh(κ v/2), s/rad.
+    half_slope_s: f64,
+    /// The rate at which it takes a speed near rest, κ μ / 2 over the inertia, 1/s.
+    per_s: f64,
 }
 
 /// f and its derivatives at one point.
@@ -114,7 +125,7 @@ impl<'m> Dynamics<'m> {
             coordinates: [k, d],
         });
         let links = model.links.at(z);
-        let friction_per_s = steepest_friction(model, &coefficients, &links);
+        let rubbing = rubbing(model, &coefficients, &links);
         Dynamics {
             model,
             coefficients,
@@ -123,7 +134,7 @@ impl<'m> Dynamics<'m> {
             z: z.to_vec(),
             passive: passive.collect(),
             links,
-            friction_per_s,
+            rubbing,
             laws: model.laws.ready(),
         }
     }
@@ -133,11 +144,20 @@ impl<'m> Dynamics<'m> {
         self.model.layout.size()
     }
 
-    /// Parts in which a step of this length is integrated: no part is longer than the time in which friction's smoothed sign would stop a joint at rest, up to
-    /// [`MOST_PARTS`]. A power of two, so that a search meets few changes of it.
-    pub(super) fn parts_of_step(&self, duration_s: f64) -> usize {
-        let parts = (self.friction_per_s * duration_s).min(MOST_PARTS as f64).ceil().max(1.0) as usize;
-        parts.next_power_of_two()
+    /// Most parts of a step of this length: as many as one needs in which a joint that rubs comes to rest.
+    pub(super) fn most_parts(&self, duration_s: f64) -> usize {
+        parts(self.rubbing.iter().map(|joint| joint.per_s).fold(0.0, f64::max) * duration_s)
+    }
+
+    /// Parts in which a step from `x`, whose speeds change as ẋ says, is integrated: no part is longer than the time in which friction's smoothed sign, as steep as
+    /// it is at the least speed of the step, would stop a joint. A power of two, so that a search meets few changes of it.
+    pub(super) fn parts_of_step(&self, x: &[f64], xdot: &[f64], duration_s: f64) -> usize {
+        let steepness = |joint: &Rubbing| {
+            let (begin, end) = (x[joint.speed], x[joint.speed] + duration_s * xdot[joint.speed]);
+            let least = if begin * end > 0.0 { begin.abs().min(end.abs()) } else { 0.0 };
+            joint.per_s * (joint.half_slope_s * least).cosh().powi(-2)
+        };
+        parts(self.rubbing.iter().map(steepness).fold(0.0, f64::max) * duration_s)
     }
 
     /// Components of the state that are errors of measured inputs.
@@ -424,26 +444,32 @@ impl Torques {
     }
 }
 
-/// Largest rate at which friction's smoothed sign takes the speed of a joint near rest, κ μ / 2 over its inertia, 1/s.
-fn steepest_friction(model: &Model, coefficients: &[Coefficients<f64>], links: &WeightedLinks<'_>) -> f64 {
-    let m = model.layout.chain();
+/// Parts of a step over which friction's rate comes to so much, up to [`MOST_PARTS`].
+fn parts(rate_times_duration: f64) -> usize {
+    let parts = rate_times_duration.min(MOST_PARTS as f64).ceil().max(1.0) as usize;
+    parts.next_power_of_two()
+}
+
+/// The joints that rub.
+fn rubbing(model: &Model, coefficients: &[Coefficients<f64>], links: &WeightedLinks<'_>) -> Vec<Rubbing> {
+    let (layout, m) = (&model.layout, model.layout.chain());
     let mut mass = [0.0; MAX_JOINTS * MAX_JOINTS];
     links.mass_matrix(&[0.0; MAX_JOINTS][..m], &mut mass[..m * m]);
-    let rate = |(i, c): (usize, &Coefficients<f64>)| {
-        let Friction::Coulomb { slope_s, acts, .. } = model.drives[i].friction else { return 0.0 };
-        let link = model.layout.q(i);
+    let of = |(i, c): (usize, &Coefficients<f64>)| {
+        let Friction::Coulomb { slope_s, acts, .. } = model.drives[i].friction else { return None };
+        let link = layout.q(i);
         let link_inertia = mass[link * m + link];
-        let inertia = match (model.transmissions[i], acts) {
+        let (inertia, speed) = match (model.transmissions[i], acts) {
             // An elastic drive's coefficients are divided by b.
-            (Transmission::Elastic, Side::Motor) => 1.0,
-            (Transmission::Elastic, Side::Link) => link_inertia * c.inertia,
-            (Transmission::Rigid, _) => link_inertia + c.inertia,
+            (Transmission::Elastic, Side::Motor) => (1.0, layout.thetad(i)),
+            (Transmission::Elastic, Side::Link) => (link_inertia * c.inertia, layout.qd(i)),
+            (Transmission::Rigid, _) => (link_inertia + c.inertia, layout.qd(i)),
         };
-        0.5 * slope_s * c.coulomb / inertia
+        let half_slope_s = 0.5 * slope_s;
+        Some(Rubbing { speed, half_slope_s, per_s: half_slope_s * c.coulomb / inertia })
     };
-    let rates = coefficients.iter().enumerate().map(rate);
     // A negative inertia or friction on the way of a search has no rate that means anything.
-    rates.filter(|rate| rate.is_finite()).fold(0.0, f64::max)
+    coefficients.iter().enumerate().filter_map(of).filter(|joint| joint.per_s.is_finite()).collect()
 }
 
 /// A dual number with a one in `lane` (none where the lane is out of range).

@@ -57,11 +57,11 @@ impl Integrator {
         }
     }
 
-    /// Equal parts in which a step of this length is made.
-    pub fn parts(self, dynamics: &Dynamics<'_>, duration_s: f64) -> usize {
+    /// Most equal parts in which a step of this length is made.
+    pub fn most_parts(self, dynamics: &Dynamics<'_>, duration_s: f64) -> usize {
         match self {
             Integrator::Euler => 1,
-            Integrator::RungeKutta4 => dynamics.parts_of_step(duration_s),
+            Integrator::RungeKutta4 => dynamics.most_parts(duration_s),
         }
     }
 }
@@ -94,7 +94,7 @@ impl Stepper {
         next: &mut [f64],
     ) {
         let input = input.into();
-        let parts = self.integrator.parts(dynamics, duration_s);
+        let parts = self.parts(dynamics, x, input, duration_s);
         if parts == 1 {
             self.part(dynamics, x, input, duration_s, next);
         } else {
@@ -108,6 +108,16 @@ impl Stepper {
             self.from = from;
         }
         next[dynamics.input_errors()].fill(0.0);
+    }
+
+    /// Equal parts in which the step from `x` is made.
+    fn parts(&mut self, dynamics: &Dynamics<'_>, x: &[f64], input: Input<'_>, duration_s: f64) -> usize {
+        if self.integrator.most_parts(dynamics, duration_s) == 1 {
+            return 1;
+        }
+        self.k.resize(x.len(), 0.0);
+        dynamics.derivative(x, input, &mut self.k);
+        dynamics.parts_of_step(x, &self.k, duration_s)
     }
 
     fn part(&mut self, dynamics: &Dynamics<'_>, x: &[f64], input: Input<'_>, duration_s: f64, next: &mut [f64]) {
@@ -144,7 +154,7 @@ impl Stepper {
         out: &mut StepSlopes,
     ) {
         let input = input.into();
-        let parts = self.integrator.parts(dynamics, duration_s);
+        let parts = self.parts(dynamics, x, input, duration_s);
         self.part_slopes(dynamics, x, input, duration_s / parts as f64, out);
         if parts > 1 {
             let (mut of_part, mut from) = (std::mem::take(&mut self.of_part), std::mem::take(&mut self.from));
