@@ -117,3 +117,37 @@ fn a_sagging_supply_is_named_with_its_size() {
     is_named(&diag, "voltage_sag", &sag, ([435.64, 441.56, 540.01], 6e-5), 0.78..0.999);
     assert_eq!(diag["extended"]["status"], "converged");
 }
+
+#[test]
+fn small_effects_side_by_side_are_named_and_nothing_that_is_not_there() {
+    let Some(folder) = recordings("diagnosis of many small effects") else { return };
+    let (exit, diag, _) = diagnosed(&folder, "dirty_background");
+    assert!(exit == 10 || exit == 12, "named, or named with its rivals: {exit}");
+    let findings = diag["findings"].as_array().unwrap();
+    // A constant torque is what friction that differs by direction does to motors that hardly stop.
+    let hidden = [
+        "stribeck",
+        "asymmetric_friction",
+        "torque_offset",
+        "encoder_eccentricity",
+        "gyro_scale",
+        "viscous_friction",
+        "voltage_sag",
+    ];
+    for finding in findings {
+        let id = finding["effect"].as_str().unwrap();
+        assert!(hidden.contains(&id), "{id} is not hidden: {}", diag["summary"]);
+        // What is told is supported by the other motion.
+        assert!(finding["holdout_gain"]["ci95"][0].as_f64().unwrap() > 0.0, "{finding}");
+    }
+    for id in ["voltage_sag", "gyro_scale"] {
+        assert!(findings.iter().any(|finding| finding["effect"] == id), "{id}: {}", diag["summary"]);
+    }
+    // Measured: +0.2 %, with a standard error of 1.1 %.
+    let share = estimate(&diag["extended"], "voltage_sag.r") / 0.0035 - 1.0;
+    assert!(share.abs() < 0.05, "{:+.2} %", 100.0 * share);
+    // Measured: 89 % half a second ahead.
+    let ahead = diag["holdout_gain"]["by_horizon"].as_array().unwrap();
+    let half = ahead.iter().find(|horizon| horizon["horizon_s"] == 0.5).unwrap();
+    assert!(half["share"].as_f64().unwrap() > 0.7, "{half}");
+}

@@ -146,18 +146,15 @@ impl Refit<'_> {
     /// blocks better; none where no search ends in numbers. One that comes to more than a cost of `above` is given up.
     pub fn with(&self, accepted: &[Named], current: &Fitted, named: &Named, above: f64) -> Option<(Named, Fitted)> {
         let effort = (ITERATIONS, above);
-        let smooth = self.tried(accepted, current, (named, above), |laws| {
-            self.bench.fit_on_top(laws, &current.trial, effort)
-        });
+        let smooth =
+            self.tried(accepted, current, (named, above), |laws| self.bench.fit_on_top(laws, &current.trial, effort));
         if smooth.as_ref().is_some_and(|(_, fitted)| fitted.trial.cost > above) {
             return smooth;
         }
         let from = smooth.as_ref().map_or(&current.trial, |(_, fitted)| &fitted.trial);
         let sharp = named.law.sharp().filter(|_| !named.law.is_event()).map(|law| Named { law, ..named.clone() });
         let sharp = sharp.and_then(|named| {
-            self.tried(accepted, current, (&named, above), |laws| {
-                self.bench.fit_from(laws, (from, from), ITERATIONS)
-            })
+            self.tried(accepted, current, (&named, above), |laws| self.bench.fit_from(laws, (from, from), ITERATIONS))
         });
         let gain = |(_, fitted): &(Named, Fitted)| fitted.gains_over(current).iter().sum::<f64>();
         smooth.into_iter().chain(sharp).max_by(|a, b| gain(a).total_cmp(&gain(b)))
