@@ -18,11 +18,29 @@ pub const REPLY_QUEUE: usize = 12;
 /// last answer, so a request and three heartbeats can wait.
 pub const COMMAND_QUEUE: usize = 4;
 
-/// Duty above which a joint surely moves: 15 N m on Doggy, three times its largest friction.
-pub const MOVING_DUTY: i16 = 1000;
-/// Ticks at such a duty without a count after which an encoder is stuck. A joint that reverses at 10 Hz under full
-/// duty stands for a few ticks; 15 N m against 3 kg m² make the first count within 8 ms.
-pub const ENCODER_STUCK_TICKS: u16 = 150;
+/// Largest duty at which a joint may stand, unless its robot says otherwise: 9 N m on Doggy, and its largest friction is
+/// 4.9 N m. A joint that bears a load needs the duty that holds it on top.
+pub const STANDING_DUTY: i16 = 600;
+/// Push (duty beyond the standing duty, summed over ticks in one direction) that moves every joint, steps · ticks: 17 ms
+/// at a duty of 0.90, 150 ms at 0.15. An encoder whose count has not moved under it is stuck; a joint that goes against
+/// it, and has not slowed down under it, goes the wrong way. Of healthy robots the largest push without a count is PUSH_STILL
+/// and against the speed PUSH_AGAINST (the program `healthy` of the crate `tests`). Half of it finds a fault 0.04 rad
+/// earlier in the slow stage; twice lets a joint run 0.09 rad further there.
+pub const MOVING_PUSH: u32 = 135_000;
+/// Where an encoder is so coarse that a healthy joint needs longer for [`STILL_COUNTS`](crate::safety::STILL_COUNTS): the
+/// push gets so many times that which moves it by them from rest without friction. Doggy's encoders would get 14 ms.
+pub const PUSH_OF_COARSE: f32 = 3.0;
+/// Angle by which the rotation that a gyro has summed up over 4 s may differ from that of the encoders, rad. With the part
+/// of the way below, the largest difference of healthy robots is ROTATION_HEALTHY (the program `healthy` of the crate
+/// `tests`). Half of it finds half counts 0.2 rad earlier; with twice a joint runs 0.4 rad further and past its limit.
+pub const ROTATION_DIFFERS_RAD: f32 = 0.12;
+/// The part of the gyro's way there and back by which it may differ more, 10⁻⁴. A gyro's scale is right to 0.5 % by the
+/// data sheets, and 1° of its mount makes as much again; of the way, which sums all axes, the half goes in one direction.
+pub const ROTATION_DIFFERS_OF_WAY: i64 = 200;
+/// What is added to that part at full duty, 10⁻⁴: the belts' swings about several axes. Healthy robots differ by 3 % of the
+/// way in a chirp of all joints at a duty of 0.9; see ROTATION_HEALTHY above. Half of it stops such a chirp; with twice lost
+/// counts are found 0.1 rad later in the fast stage.
+pub const ROTATION_DIFFERS_AT_FULL_DUTY: i64 = 500;
 /// Ticks without a reading after which an encoder on a bus does not answer.
 pub const ENCODER_STALE_TICKS: u16 = 3;
 /// Highest believable speed of a joint, rad/s or m/s: six times the no-load speed of Doggy's motors
@@ -34,6 +52,9 @@ pub const MAX_SPEED_PER_S: f32 = 30.0;
 /// leaves such ticks out, but 50 ms of them are a motion the range was not made for.
 pub const GYRO_BOUNDS: GyroBounds =
     GyroBounds { stale_ticks: 3, stuck_ticks: 50, saturated_ticks: 50, max_word: i16::MAX };
+
+/// No-load speed of a joint at full duty, rad/s or m/s: 150 / 31 on Doggy.
+pub const NO_LOAD_SPEED_PER_S: f32 = MAX_SPEED_PER_S / 6.0;
 
 /// Speed below which a robot held by hand is quiet enough to take its zero, rad/s or m/s.
 pub const QUIET_SPEED_PER_S: f32 = 0.1;

@@ -5,7 +5,7 @@
 use host::link;
 use host::simulate::Fault;
 use protocol::{Hello, ResetReason};
-use tests::machine::{Emulated, Log, Mishap, Options, Recorded, SWING, What};
+use tests::machine::{Emulated, Log, Mishap, Options, REACH, Recorded, SWING, What};
 
 /// Ticks after the start of the motion.
 const AT: u32 = 400;
@@ -20,12 +20,17 @@ struct Stopped {
 impl Stopped {
     /// Records the short motion with this mishap, which must end it.
     fn by(what: What) -> Self {
-        Self::record(Options { seed: 5, mishaps: vec![Mishap { at: AT, what }], ..Options::default() })
+        Self::of(SWING, what)
     }
 
-    fn record(options: Options) -> Self {
+    /// Records this motion with this mishap, which must end it.
+    fn of(motion: &str, what: What) -> Self {
+        Self::record(motion, Options { seed: 5, mishaps: vec![Mishap { at: AT, what }], ..Options::default() })
+    }
+
+    fn record(motion: &str, options: Options) -> Self {
         let machine = Emulated::start(&options);
-        let Recorded { code, said, .. } = machine.record(&["--motion", SWING]);
+        let Recorded { code, said, .. } = machine.record(&["--motion", motion]);
         assert_eq!(code, Some(3), "{said}");
         Self { machine, said }
     }
@@ -58,7 +63,7 @@ impl Stopped {
 #[test]
 fn heartbeats_that_stay_away_stop_the_motion() {
     let cut = Fault::StallIn { duration_s: 1.0, at_s: 1e-3 * f64::from(AT) };
-    let stopped = Stopped::record(Options { seed: 5, faults: vec![cut], ..Options::default() });
+    let stopped = Stopped::record(SWING, Options { seed: 5, faults: vec![cut], ..Options::default() });
     stopped.told("the host's heartbeats stayed away", 38..=101);
 }
 
@@ -99,6 +104,31 @@ fn a_bus_that_hangs_stops_the_motion_in_the_third_tick() {
 #[test]
 fn an_encoder_that_jumps_stops_the_motion_within_its_tick() {
     Stopped::by(What::EncoderJumps { motor: 1, counts: 1000 }).told("encoder 2 jumped", 0..=0);
+}
+
+/// At a duty of at most 0.4 a push of 13.5 ms takes 40 ms and more, and the swing turns after 250.
+#[test]
+fn an_encoder_with_an_open_phase_stops_the_motion() {
+    Stopped::by(What::OpenPhase { motor: 0 }).told("encoder 1 is stuck", 30..=250);
+}
+
+/// A slow move at a duty of 0.15.
+#[test]
+fn an_encoder_with_an_open_phase_stops_a_slow_move() {
+    Stopped::of(REACH, What::OpenPhase { motor: 1 }).told("encoder 2 is stuck", 140..=160);
+}
+
+#[test]
+fn an_encoder_that_counts_backwards_stops_a_slow_move() {
+    let backwards = What::Counts { motor: 1, halves: -2 };
+    Stopped::of(REACH, backwards).told("joint 2 goes against its duty", 140..=170);
+}
+
+/// Half of the steps at half a radian a second: 0.12 rad and more after half a second.
+#[test]
+fn an_encoder_that_counts_half_is_told_by_the_gyro() {
+    let half = What::Counts { motor: 1, halves: 1 };
+    Stopped::of(REACH, half).told("gyro 2 measures another rotation than the encoders", 300..=900);
 }
 
 /// The tick after the one that ran too long stops.

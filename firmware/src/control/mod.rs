@@ -17,6 +17,7 @@ use crate::motion::{Player, Step};
 use crate::queues::{Reply, TickEnds};
 use crate::safety::{Deadline, GyroInput, Heartbeat, OnTime};
 use request::Upload;
+pub use sensors::Nearness;
 use sensors::Sensors;
 use stream::Stream;
 
@@ -133,9 +134,9 @@ impl ControlLoop {
 
         let timing = self.deadline.check(now_us, inputs.last_execution_us);
         let in_force = self.preloaded;
-        let mut flags = self.sensors.read(inputs, &self.joints, &in_force);
-
         let was_busy = self.busy();
+        let mut flags = self.sensors.read(inputs, &self.joints, &in_force, was_busy);
+
         self.take_message(now, inputs, ends);
         if let Some(fault) = self.find_fault(now_us, inputs, timing) {
             self.raise(now, fault, ends);
@@ -176,6 +177,11 @@ impl ControlLoop {
             (Activity::Waiting { at_seq }, None) => State::Waiting { at_seq: *at_seq },
             (Activity::Running(player), None) => State::Running { phase: player.phase() },
         }
+    }
+
+    /// How near the watches of the sensors are to their bounds.
+    pub fn nearness(&self) -> Nearness {
+        self.sensors.nearness()
     }
 
     /// Number of the next tick.

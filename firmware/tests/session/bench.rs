@@ -1,6 +1,7 @@
 //! Robot, core and a small host on one bench, joined by bytes.
 
-use firmware::{Config, ControlCore, GyroInput, Inputs, JointSetup, Outputs};
+use firmware::safety::Axis;
+use firmware::{Config, ControlCore, GyroInput, GyroSetup, Inputs, JointSetup, Outputs};
 use protocol::frame::{CRC_BYTES, Decoder, MAX_PAYLOAD};
 use protocol::message::{self, MAX_TO_DEVICE_FRAME, MAX_TO_HOST_FRAME};
 use protocol::motion::Limits;
@@ -11,7 +12,7 @@ use protocol::{
     Side, Status, ToDevice, ToHost,
 };
 
-use crate::plant::Plant;
+use crate::plant::{ALONG, AXES, Plant, RAD_S_PER_LSB};
 
 pub const MOTION: MotionId = MotionId(7);
 
@@ -28,8 +29,20 @@ pub struct Disturbance {
     pub inputs: Option<Change>,
 }
 
+/// Which motor each driver turns, and which way.
+#[derive(Clone, Copy)]
+pub struct Wires {
+    pub motors: [usize; 3],
+    pub leads: [f64; 3],
+}
+
+impl Wires {
+    pub const RIGHT: Wires = Wires { motors: [0, 1, 2], leads: [1.0; 3] };
+}
+
 pub struct Bench {
     pub core: ControlCore,
+    pub wires: Wires,
     pub plant: Plant,
     pub limits: Vec<Limits>,
     pub disturb: Disturbance,
@@ -50,15 +63,20 @@ impl Bench {
     pub fn new(plant: Plant) -> Self {
         let n = plant.joints.len();
         let limits: Vec<_> = [1.0, 0.6, 0.6][..n].iter().map(|max| Limits { min: -max, max: *max }).collect();
-        let setups: Vec<_> = limits.iter().map(|limits| JointSetup::new(*limits)).collect();
+        let setup = |(limits, axis): (&Limits, [f32; 3])| JointSetup::new(*limits, Axis::Turns(axis));
+        let setups: Vec<_> = limits.iter().zip(AXES).map(setup).collect();
         let encoder =
             |joint| EncoderInfo { joint, side: Side::Motor, counts_per_turn: 1024, gear: 42.092, offset_us: 0 };
         let encoders: Vec<_> = (0..n as u8).map(encoder).collect();
-        let gyro = |body| GyroInfo { body, rad_s_per_lsb: 5.33e-4, saturated_at: 32_767, offset_us: 20 };
+        let gyro = |body| {
+            let info = GyroInfo { body, rad_s_per_lsb: RAD_S_PER_LSB, saturated_at: 32_767, offset_us: 20 };
+            GyroSetup { info, mount: ALONG }
+        };
         let config = Config::new("bench", &setups, &encoders, &[gyro(0), gyro(n as u8 - 1)]).unwrap();
         Bench {
             layout: config.layout(),
             core: ControlCore::new(&config),
+            wires: Wires::RIGHT,
             plant,
             limits,
             disturb: Disturbance::default(),
@@ -108,8 +126,11 @@ impl Bench {
         if self.outputs.stop {
             self.in_force = [Duty::ZERO; MAX_JOINTS];
         }
-        for (joint, duty) in self.plant.joints.iter_mut().zip(self.in_force) {
-            joint.advance(duty.fraction().into());
+        let Wires { motors, leads } = self.wires;
+        for (driver, (motor, lead)) in motors.into_iter().zip(leads).enumerate() {
+            if let Some(joint) = self.plant.joints.get_mut(motor) {
+                joint.advance(lead * f64::from(self.in_force[driver].fraction()));
+            }
         }
         self.ticks += 1;
         if !self.disturb.not_reading {

@@ -1,0 +1,319 @@
+//! Do a gyro and the encoders before it tell of the same rotation?
+//!
+//! A gyro sits on a body that the joints 1 to n carry. From their positions and steps follows the body's rotation, and
+//! the gyro measures it. The difference is summed as a vector in axes that turn with the gyro, and forgotten slowly:
+//!
+//! ```text
+//!   encoders ─▶ ω of the body ─▶ mount ─┐ −
+//!                                       ├───▶ Σ over 4 s ─▶ length > bound + part of the way: a mismatch
+//!   gyro − its words at rest ───────────┤ +
+//!                                       ╰───▶ Σ |ω| over 4 s: the way there and back
+//! ```
+//!
+//! The sum is an angle: what belts stretch is a difference of a few hundredths of a radian however fast it swings, and a
+//! delay of milliseconds is the way made meanwhile. What grows with the way is a scale or a mount that is not exact, and
+//! swings of several belts about different axes, whose small rotations do not commute. The second part of the bound is for
+//! these: a part of the way that is larger where more duty stretches the belts.
+//!
+//! Angles are in 2⁻³² turns, directions and sines in 2⁻³⁰.
+
+use protocol::Duty;
+
+use crate::config::GyroSetup;
+use crate::constants;
+use crate::motion::sine;
+
+/// A quarter turn.
+const QUARTER: u32 = 1 << 30;
+/// The sums forget with a time constant of 2¹² ticks, 4 s: longer than a move of the slow stage, which takes 2 s, and
+/// short against the drift of a gyro's zero, 0.5°/s after 10 s of warming up, which then adds up to 0.03 rad. With half
+/// of it a gear that is wrong by a half is found 0.1 rad later in the slow stage; with twice the drift counts twice.
+const FORGET_SHIFT: u32 = 12;
+/// The zero of a gyro forgets with 2⁸ ticks, 0.26 s: a sixteenth of its noise, and settled when a hand lets go.
+const REST_SHIFT: u32 = 8;
+/// Lengths are compared in 2⁻¹⁶ turns, 10⁻⁴ rad: a whole turn and more than any motion makes in 4 s fits 32 bits squared.
+const LENGTH_SHIFT: u32 = 16;
+
+/// How a joint moves the bodies that it carries.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Axis {
+    /// It turns them about this unit vector, in axes of the base, with all joints at zero; positive by the right hand.
+    Turns([f32; 3]),
+    /// It slides them, which no gyro sees.
+    Slides,
+}
+
+/// Largest step of a joint in a tick that is reckoned with, 0.1 rad: three times the highest believable speed, and small
+/// enough for every product here to fit 64 bits.
+const MAX_STEP: i64 = 1 << 26;
+
+type Vector = [i64; 3];
+
+/// A joint as the watch needs it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Turn {
+    /// The axis, zero if the joint slides.
+    axis: Vector,
+    /// Angle of a count, 2⁻⁴⁸ turns.
+    angle_of_count: i64,
+}
+
+impl Turn {
+    /// A joint with so many counts a radian (or metre).
+    pub fn new(axis: Axis, counts_per_unit: f32) -> Self {
+        let Axis::Turns(axis) = axis else { return Turn::default() };
+        let turns_of_count = 1.0 / (core::f64::consts::TAU * f64::from(counts_per_unit));
+        Turn { axis: direction(axis), angle_of_count: (turns_of_count * (1u64 << 48) as f64) as i64 }
+    }
+
+    /// Angle of so many counts, 2⁻³² turns; whole turns fall away.
+    fn angle(&self, counts: i32) -> i32 {
+        (i64::from(counts).wrapping_mul(self.angle_of_count) >> 16) as i32
+    }
+
+    /// A vector of the body before the joint in axes of the body behind it, which are turned by `angle`.
+    fn carried(&self, vector: Vector, angle: i32) -> Vector {
+        if vector == [0; 3] {
+            return vector;
+        }
+        // Rodrigues, backwards: v cos + (v × a) sin + a (a · v) (1 − cos).
+        let (sin, cos) =
+            (i64::from(sine::sine(angle as u32)), i64::from(sine::sine((angle as u32).wrapping_add(QUARTER))));
+        let [a, b, c] = self.axis;
+        let [x, y, z] = vector;
+        let across = [y * c - z * b, z * a - x * c, x * b - y * a].map(|part| part >> 30);
+        let along = (dot(self.axis, vector) >> 30) * (i64::from(sine::ONE) - cos) >> 30;
+        core::array::from_fn(|i| (vector[i] * cos + across[i] * sin + self.axis[i] * along) >> 30)
+    }
+}
+
+/// Watches a gyro against the encoders of the joints that carry it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RotationWatch {
+    /// Joints that carry the gyro.
+    joints: usize,
+    /// Angle of a word in a tick, 2⁻⁴⁸ turns.
+    angle_of_word: i64,
+    /// Largest difference without a way, 2⁻¹⁶ turns.
+    bound: u32,
+    /// Axes of the base, all joints at zero, to axes of the gyro.
+    mount: [Vector; 3],
+    /// Words at rest, times 2¹⁶.
+    rest: Vector,
+    rested: bool,
+    /// What the gyro has turned by more than the encoders.
+    difference: Vector,
+    /// The part of the gyro's way, there and back, by which it may differ.
+    part_of_way: i64,
+}
+
+impl RotationWatch {
+    /// For this gyro.
+    pub fn new(gyro: &GyroSetup) -> Self {
+        let turns_of_word = gyro.info.rad_s_per_lsb * f64::from(constants::TICK_US) * 1e-6 / core::f64::consts::TAU;
+        RotationWatch {
+            joints: usize::from(gyro.info.body) + 1,
+            angle_of_word: (turns_of_word * (1u64 << 48) as f64) as i64,
+            bound: (constants::ROTATION_DIFFERS_RAD / core::f32::consts::TAU * (1u32 << LENGTH_SHIFT) as f32) as u32,
+            mount: gyro.mount.map(direction),
+            rest: [0; 3],
+            rested: false,
+            difference: [0; 3],
+            part_of_way: 0,
+        }
+    }
+
+    /// A tick at rest: the words are the gyro's zero, and the sums begin anew.
+    pub fn at_rest(&mut self, words: Option<[i16; 3]>) {
+        self.begin_anew();
+        let Some(words) = words else { return };
+        for (rest, word) in self.rest.iter_mut().zip(words) {
+            let now = i64::from(word) << 16;
+            *rest = if self.rested { *rest + ((now - *rest) >> REST_SHIFT) } else { now };
+        }
+        self.rested = true;
+    }
+
+    /// The sums begin anew: nobody drives the joints, and hands may move them.
+    pub fn begin_anew(&mut self) {
+        (self.difference, self.part_of_way) = ([0; 3], 0);
+    }
+
+    /// A tick in motion: words of the gyro that can be believed, positions of the joints (counts), their steps since the
+    /// last tick, and the largest duty on one of them. Whether gyro and joints tell of different rotations. A tick without
+    /// words is left out.
+    pub fn differs(
+        &mut self,
+        words: Option<[i16; 3]>,
+        turns: &[Turn],
+        positions: &[i32],
+        steps: &[i32],
+        duty: Duty,
+    ) -> bool {
+        if let (Some(words), true) = (words, self.rested) {
+            let mut turned = [0; 3];
+            for ((turn, position), step) in turns.iter().zip(positions).zip(steps).take(self.joints) {
+                turned = turn.carried(turned, turn.angle(*position));
+                let step = i64::from(turn.angle(*step)).clamp(-MAX_STEP, MAX_STEP);
+                turned = core::array::from_fn(|i| turned[i] + (turn.axis[i] * step >> 30));
+            }
+            let mut way = 0;
+            for i in 0..3 {
+                let moved = (i64::from(words[i]) << 16) - self.rest[i];
+                let moved = (moved >> 8) * self.angle_of_word >> 24;
+                add(&mut self.difference[i], moved - (dot(self.mount[i], turned) >> 30));
+                way += moved.abs();
+            }
+            let share = constants::ROTATION_DIFFERS_OF_WAY
+                + constants::ROTATION_DIFFERS_AT_FULL_DUTY * i64::from(duty.0.unsigned_abs()) / i64::from(Duty::FULL);
+            add(&mut self.part_of_way, way * share / i64::from(Duty::FULL));
+        }
+        i64::from(length(self.difference)) > self.allowed()
+    }
+
+    /// The present difference, as a part of what is allowed.
+    pub fn nearness(&self) -> f32 {
+        length(self.difference) as f32 / self.allowed().max(1) as f32
+    }
+
+    /// In 2⁻¹⁶ turns.
+    fn allowed(&self) -> i64 {
+        i64::from(self.bound) + (self.part_of_way >> LENGTH_SHIFT)
+    }
+}
+
+fn add(sum: &mut i64, more: i64) {
+    *sum += more - (*sum >> FORGET_SHIFT);
+}
+
+/// Of a unit vector.
+fn direction(vector: [f32; 3]) -> Vector {
+    vector.map(|part| (f64::from(part) * f64::from(sine::ONE)) as i64)
+}
+
+fn dot([a, b, c]: Vector, [x, y, z]: Vector) -> i64 {
+    a * x + b * y + c * z
+}
+
+/// In 2⁻¹⁶ turns, at most a turn.
+fn length(vector: Vector) -> u32 {
+    let squares = vector.map(|part| {
+        let part = (part >> LENGTH_SHIFT).unsigned_abs().min(1 << LENGTH_SHIFT);
+        part * part
+    });
+    u32::try_from(squares.iter().sum::<u64>()).unwrap_or(u32::MAX).isqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use protocol::GyroInfo;
+
+    const COUNTS_PER_RAD: f32 = 6859.93;
+    /// ±1000°/s.
+    const RAD_S_PER_LSB: f64 = 5.326_322e-4;
+    const AXES: [[f32; 3]; 3] = [[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]];
+    /// Words of the gyro at rest.
+    const ZERO: [i16; 3] = [85, -3, 20];
+
+    /// Mounted with another axis up: z, −x, −y.
+    fn gyro(body: u8) -> GyroSetup {
+        let info = GyroInfo { body, rad_s_per_lsb: RAD_S_PER_LSB, saturated_at: 32_700, offset_us: 0 };
+        GyroSetup { info, mount: [[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]] }
+    }
+
+    fn turns() -> [Turn; 3] {
+        AXES.map(|axis| Turn::new(Axis::Turns(axis), COUNTS_PER_RAD))
+    }
+
+    /// Rates of the third body in its own axes, rad/s, in floating point and by another way: Rz(q₁) Ry(q₂) Rx(−q₃).
+    fn rates(q: [f64; 3], qd: [f64; 3]) -> [f64; 3] {
+        let (s2, c2, s3, c3) = (q[1].sin(), q[1].cos(), q[2].sin(), q[2].cos());
+        // In axes of the second body, then turned by −q₃ about x.
+        let [x, y, z] = [-s2 * qd[0] - qd[2], qd[1], c2 * qd[0]];
+        [x, c3 * y - s3 * z, s3 * y + c3 * z]
+    }
+
+    /// Ticks until gyro and encoders of joints that sway differ, of at most a minute; words and counts are scaled.
+    fn sway(scale: f64, counts_scale: f64) -> Option<u32> {
+        let q = |t: f64| [0.8 * (1.1 * t).sin(), 0.5 * (1.7 * t).sin(), 0.4 * (2.3 * t).sin()];
+        let qd = |t: f64| [0.88 * (1.1 * t).cos(), 0.85 * (1.7 * t).cos(), 0.92 * (2.3 * t).cos()];
+        let counts = |t: f64| q(t).map(|q| (q * f64::from(COUNTS_PER_RAD) * counts_scale) as i32);
+        let mut watch = RotationWatch::new(&gyro(2));
+        (0..300).for_each(|_| watch.at_rest(Some(ZERO)));
+        (1..60_000).find(|k| {
+            let t = f64::from(*k) * 1e-3;
+            let rates = rates(q(t), qd(t));
+            let seen = [rates[2], -rates[0], -rates[1]];
+            let words = core::array::from_fn(|i| (seen[i] * scale / RAD_S_PER_LSB) as i16 + ZERO[i]);
+            let (now, before) = (counts(t), counts(t - 1e-3));
+            let steps: [i32; 3] = core::array::from_fn(|i| now[i] - before[i]);
+            watch.differs(Some(words), &turns(), &now, &steps, Duty(9000))
+        })
+    }
+
+    #[test]
+    fn a_gyro_and_encoders_that_tell_the_same_do_not_differ() {
+        assert_eq!(sway(1.0, 1.0), None);
+    }
+
+    #[test]
+    fn encoders_that_count_half_or_twice_differ_within_a_move() {
+        for counts_scale in [0.5, 2.0] {
+            let found = sway(1.0, counts_scale).unwrap();
+            assert!(found < 600, "{counts_scale}: after {found} ms, the body turns by 1.5 rad/s");
+        }
+    }
+
+    #[test]
+    fn a_gyro_may_be_wrong_by_a_tenth_and_not_by_a_half() {
+        assert_eq!((sway(1.1, 1.0), sway(0.9, 1.0)), (None, None));
+        assert!(sway(1.5, 1.0).is_some() && sway(0.5, 1.0).is_some());
+    }
+
+    #[test]
+    fn ticks_without_words_are_left_out_of_both_sums() {
+        let mut watch = RotationWatch::new(&gyro(0));
+        assert!(!watch.differs(Some([30_000; 3]), &turns(), &[0], &[0], Duty(0)), "its zero is not known yet");
+        watch.at_rest(Some(ZERO));
+        for k in 0..1000 {
+            assert!(!watch.differs(None, &turns(), &[20 * k], &[20], Duty(0)));
+        }
+        let found = (0..1000).find(|k| watch.differs(Some(ZERO), &turns(), &[20 * k], &[20], Duty(0)));
+        // 0.12 rad at 2.9 mrad a tick.
+        assert!((40..45).contains(&found.unwrap()), "{found:?}");
+        watch.at_rest(None);
+        assert!(!watch.differs(Some(ZERO), &turns(), &[0], &[0], Duty(0)), "begun anew");
+    }
+
+    #[test]
+    fn a_joint_that_slides_turns_nothing() {
+        let turns = [Turn::new(Axis::Slides, COUNTS_PER_RAD), Turn::new(Axis::Turns(AXES[1]), COUNTS_PER_RAD)];
+        let mut watch = RotationWatch::new(&gyro(1));
+        watch.at_rest(Some(ZERO));
+        for k in 0..1000 {
+            assert!(!watch.differs(Some(ZERO), &turns, &[100 * k, 0], &[100, 0], Duty(0)));
+        }
+    }
+
+    #[test]
+    fn hostile_inputs_are_survived() {
+        let turns = [1e-30, 1e30].map(|counts| Turn::new(Axis::Turns([0.6, 0.0, -0.8]), counts));
+        let mut watch = RotationWatch::new(&GyroSetup {
+            info: GyroInfo { body: 255, rad_s_per_lsb: 0.999, ..gyro(0).info },
+            ..gyro(0)
+        });
+        for words in [[i16::MIN; 3], [i16::MAX; 3], [0; 3]] {
+            watch.at_rest(Some(words));
+            for k in 0..20_000 {
+                watch.differs(
+                    Some([i16::MAX, i16::MIN, k as i16]),
+                    &turns,
+                    &[i32::MIN, i32::MAX],
+                    &[i32::MAX, i32::MIN],
+                    Duty(i16::MIN),
+                );
+            }
+        }
+    }
+}
