@@ -119,6 +119,8 @@ pub struct Config {
     pub(crate) joints: Vec<Joint, MAX_JOINTS>,
     pub(crate) encoder_bounds: [EncoderBounds; MAX_ENCODERS],
     pub(crate) gyro_bounds: GyroBounds,
+    /// The emergency stop must be seen pressed before anything moves.
+    pub(crate) stop_test: bool,
     /// One a gyro, which has seen nothing yet.
     pub(crate) rotations: Vec<RotationWatch, MAX_GYROS>,
 }
@@ -181,7 +183,7 @@ impl Config {
         };
         let rotations = gyros.iter().map(RotationWatch::new).take(MAX_GYROS).collect();
         let gyro_bounds = constants::GYRO_BOUNDS;
-        Ok(Config { hello, joints: loop_joints, encoder_bounds: bounds, gyro_bounds, rotations })
+        Ok(Config { hello, joints: loop_joints, encoder_bounds: bounds, gyro_bounds, stop_test: false, rotations })
     }
 
     /// Why the device started, for the handshake and the first event.
@@ -194,6 +196,13 @@ impl Config {
     /// CRC-32 over the program's code, for the handshake: see [`Hello::code_crc`].
     pub fn code_crc(&mut self, crc: u32) -> &mut Self {
         self.hello.code_crc = Some(crc);
+        self
+    }
+
+    /// Nothing moves before the emergency stop was seen pressed once: a contact that is short-circuited, or a wire that
+    /// touches ground, looks like a stop that is not pressed, and only pressing it tells.
+    pub fn stop_test(&mut self, needed: bool) -> &mut Self {
+        self.stop_test = needed;
         self
     }
 

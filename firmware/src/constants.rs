@@ -18,15 +18,15 @@ pub const REPLY_QUEUE: usize = 12;
 /// last answer, so a request and three heartbeats can wait.
 pub const COMMAND_QUEUE: usize = 4;
 
-/// Largest duty at which a joint may stand, unless its robot says otherwise: 9 N m on Doggy, and its largest friction is
+/// Largest duty at which a joint may stand, unless its robot says otherwise: 7 N m on Doggy, and its largest friction is
 /// 4.9 N m. A joint that bears a load needs the duty that holds it on top.
-pub const STANDING_DUTY: i16 = 600;
-/// Push (duty beyond the standing duty, summed over ticks in one direction) that moves every joint, steps · ticks: 17 ms
+pub const STANDING_DUTY: i16 = 450;
+/// Push (duty beyond the standing duty, summed over ticks in one direction) that moves every joint, steps · ticks: 19 ms
 /// at a duty of 0.90, 150 ms at 0.15. An encoder whose count has not moved under it is stuck; a joint that goes against
 /// it, and has not slowed down under it, goes the wrong way. Of healthy robots the largest push without a count is PUSH_STILL
 /// and against the speed PUSH_AGAINST (the program `healthy` of the crate `tests`). Half of it finds a fault 0.04 rad
 /// earlier in the slow stage; twice lets a joint run 0.09 rad further there.
-pub const MOVING_PUSH: u32 = 135_000;
+pub const MOVING_PUSH: u32 = 157_500;
 /// Where an encoder is so coarse that a healthy joint needs longer for [`STILL_COUNTS`](crate::safety::STILL_COUNTS): the
 /// push gets so many times that which moves it by them from rest without friction. Doggy's encoders would get 14 ms.
 pub const PUSH_OF_COARSE: f32 = 3.0;
@@ -51,7 +51,10 @@ pub const MAX_SPEED_PER_S: f32 = 30.0;
 /// three words repeat by chance once in a thousand ticks, and fifty times running never. Saturated: the estimator
 /// leaves such ticks out, but 50 ms of them are a motion the range was not made for.
 pub const GYRO_BOUNDS: GyroBounds =
-    GyroBounds { stale_ticks: 3, stuck_ticks: 50, saturated_ticks: 50, max_word: i16::MAX };
+    GyroBounds { stale_ticks: 3, stuck_ticks: 50, saturated_ticks: 50, max_word: GYRO_SATURATED_AT as i16 };
+/// A word of this size is at the end of the range: the ICM-42688-P's most negative one is −32,767 or −32,766 (−32,768 is no
+/// measurement), and what a filter makes of clipped conversions lies below. 0.2 % of the range are given away.
+pub const GYRO_SATURATED_AT: u16 = 32_700;
 
 /// No-load speed of a joint at full duty, rad/s or m/s: 150 / 31 on Doggy.
 pub const NO_LOAD_SPEED_PER_S: f32 = MAX_SPEED_PER_S / 6.0;
@@ -66,6 +69,9 @@ pub const OVERTRAVEL_OF_RANGE: f32 = 0.05;
 pub const FADE_OF_RANGE: f32 = 0.05;
 /// Time constant of the speed at zero duty, s: (b + link inertia) / k_mi = 2.9 / 31.
 pub const COAST_S: f32 = 0.094;
+/// Ticks after a motion for which the drivers stay enabled, so that shorted motors brake: five times the coasting time,
+/// after which a speed of 4 rad/s is 0.02. With half of it a joint still turns at 0.3 rad/s when it is let go.
+pub const ARMED_TICKS: u16 = 500;
 /// Largest duty of the paper's fast stage.
 pub const MAX_DUTY: i16 = 9000;
 /// Largest rise of the duty in a tick: from zero to full in 10 ms, a fifteenth of the fastest chirp's period.

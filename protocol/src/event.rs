@@ -140,6 +140,11 @@ pub enum Fault {
         /// Which encoder.
         encoder: u8,
     },
+    /// The processor's crystal is broken or not the one that the firmware was built for.
+    #[error(
+        "the crystal of the board is broken or another one than the firmware was built for: see the firmware's log (--elf)"
+    )]
+    Clock,
     /// A joint goes the other way than its motor drives it.
     #[error("joint {} goes against its duty: encoder or motor wires are swapped", joint + 1)]
     WrongWay {

@@ -147,6 +147,41 @@ fn a_panic_lets_go_of_the_motors_and_its_place_is_told() {
     assert_eq!(log.starts, [ResetReason::PowerOn, ResetReason::Software], "the processor reset itself, once");
 }
 
+/// The stack lies at the bottom of the RAM: the processor locks up, nothing is overwritten, and the watchdog resets it.
+#[test]
+fn a_stack_that_overflows_ends_in_a_reset() {
+    let (stopped, hello) = Stopped::by(What::StackOverflows).hello();
+    assert_eq!((hello.reset, hello.panic), (ResetReason::Watchdog, None));
+    let log = stopped.told("restarted (watchdog", 0..=0);
+    assert_eq!(log.starts, [ResetReason::PowerOn, ResetReason::Watchdog]);
+}
+
+/// The drivers are enabled from the start of the motion on, and let go half a second after a stop.
+#[test]
+fn drivers_are_enabled_for_a_motion_only() {
+    let log = Stopped::by(What::EmergencyStop).told("emergency stop", 0..=0);
+    let start = log.motion.unwrap();
+    assert!(log.periods[..start - 2].iter().all(|period| !period.armed), "before the start");
+    let braking = log.motion_from(AT).iter().take_while(|period| period.armed).count();
+    assert!(log.motion_from(0)[..AT as usize].iter().all(|period| period.armed));
+    assert!((495..=505).contains(&braking), "{braking} ticks");
+}
+
+/// A gyro whose supply comes late is missing at the start, a motion is refused, and once it answers one is played.
+#[test]
+fn a_gyro_that_comes_late_is_set_up_from_idle() {
+    let machine = Emulated::start(&Options { seed: 5, gyro1_from_tick: 700, ..Options::default() });
+    let Recorded { code, said, .. } = machine.record(&["--motion", SWING]);
+    assert!(code == Some(3) && said.contains("gyro 1"), "{said}");
+    let found = |log: &Log| log.periods.len() > 1700;
+    while machine.is_running() && !machine.so_far(found) {
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    }
+    let Recorded { code, said, .. } = machine.record(&["--motion", SWING]);
+    assert_eq!(code, Some(0), "{said}");
+    machine.finish();
+}
+
 /// The tick bears with a task for 10 ticks, then the watchdog is fed no more and bites after 16.
 #[test]
 fn a_task_that_hangs_is_found_by_the_watchdog() {

@@ -9,8 +9,8 @@ use object::{Object, ObjectSection, ObjectSymbol, SectionFlags, SectionKind};
 use tests::machine::image::{Kind, image_of};
 
 /// What `memory.x` grants.
-const FLASH: u64 = 48 * 1024;
-const RAM: u64 = 16 * 1024;
+const FLASH: u64 = 96 * 1024;
+const RAM: u64 = 24 * 1024;
 
 /// Bytes of an image.
 #[derive(Debug)]

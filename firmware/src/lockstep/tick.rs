@@ -18,9 +18,9 @@ pub const I2C_BURST: usize = 16;
 /// What the board says at t_k.
 ///
 /// ```text
-///    6      12     13              17              21             23         33       34
-///   │duty  │fed   │cycles of the  │cycles of the  │deepest stack│SPI burst │address │register
-///   │3×i16 │bool  │last begin u32 │last tick u32  │bytes u16    │10 bytes  │        │
+///    6      12    13     14              18              22             24         34       35
+///   │duty  │fed  │armed │cycles of the  │cycles of the  │deepest stack│SPI burst │address │register
+///   │3×i16 │bool │bool  │last begin u32 │last tick u32  │bytes u16    │10 bytes  │        │
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Tick {
@@ -28,6 +28,8 @@ pub struct Tick {
     pub duty: [Duty; MOTORS],
     /// The watchdog was fed since the last period.
     pub fed: bool,
+    /// The drivers are enabled.
+    pub armed: bool,
     /// Cycles of the period before: of its first phase, without the exchange.
     pub begin_cycles: u32,
     /// Of its second phase.
@@ -74,6 +76,8 @@ pub enum Ordeal {
     Delay(u16),
     /// The next call for received bytes panics.
     PanicInCommands,
+    /// The next call for received bytes takes more stack than there is.
+    StackOverflows,
     /// The next bytes to be sent never leave: the telemetry task hangs.
     TelemetryHangs,
     /// The watchdog has bitten: the processor does nothing until its reset.
@@ -85,7 +89,7 @@ impl Tick {
         for duty in self.duty {
             w.put(duty.0.to_le_bytes())?;
         }
-        w.put([u8::from(self.fed)])?;
+        w.put([u8::from(self.fed), u8::from(self.armed)])?;
         w.put(self.begin_cycles.to_le_bytes())?;
         w.put(self.tick_cycles.to_le_bytes())?;
         w.put(self.stack_bytes.to_le_bytes())?;
@@ -101,6 +105,7 @@ impl Tick {
         Ok(Self {
             duty,
             fed: flag(r)?,
+            armed: flag(r)?,
             begin_cycles: r.u32()?,
             tick_cycles: r.u32()?,
             stack_bytes: u16::from_le_bytes(r.take()?),
@@ -131,6 +136,7 @@ impl Sensors {
             Ordeal::PanicInCommands => (2, 0),
             Ordeal::TelemetryHangs => (3, 0),
             Ordeal::Halt => (4, 0),
+            Ordeal::StackOverflows => (5, 0),
         };
         w.put([self.pins, ordeal])?;
         w.put(u16::to_le_bytes(by))?;
@@ -163,6 +169,7 @@ impl Sensors {
             2 => Ordeal::PanicInCommands,
             3 => Ordeal::TelemetryHangs,
             4 => Ordeal::Halt,
+            5 => Ordeal::StackOverflows,
             _ => return Err(Malformed),
         };
         let [count] = r.take()?;

@@ -9,7 +9,7 @@ use protocol::request::Heartbeat;
 use protocol::sample::Layout;
 use protocol::{
     Command, Duty, EncoderInfo, Event, EventKind, GyroInfo, MAX_JOINTS, Motion, MotionId, Refusal, Report, Sample,
-    Side, Status, ToDevice, ToHost,
+    Side, State, Status, ToDevice, ToHost,
 };
 
 use crate::plant::{ALONG, AXES, Plant, RAD_S_PER_LSB};
@@ -61,6 +61,15 @@ pub struct Bench {
 
 impl Bench {
     pub fn new(plant: Plant) -> Self {
+        Self::with(plant, false)
+    }
+
+    /// Doggy on a board whose emergency stop must be tested.
+    pub fn untested() -> Self {
+        Self::with(Plant::doggy(3, 1), true)
+    }
+
+    fn with(plant: Plant, stop_test: bool) -> Self {
         let n = plant.joints.len();
         let limits: Vec<_> = [1.0, 0.6, 0.6][..n].iter().map(|max| Limits { min: -max, max: *max }).collect();
         let setup = |(limits, axis): (&Limits, [f32; 3])| JointSetup::new(*limits, Axis::Turns(axis));
@@ -72,7 +81,8 @@ impl Bench {
             let info = GyroInfo { body, rad_s_per_lsb: RAD_S_PER_LSB, saturated_at: 32_767, offset_us: 20 };
             GyroSetup { info, mount: ALONG }
         };
-        let config = Config::new("bench", &setups, &encoders, &[gyro(0), gyro(n as u8 - 1)]).unwrap();
+        let mut config = Config::new("bench", &setups, &encoders, &[gyro(0), gyro(n as u8 - 1)]).unwrap();
+        config.stop_test(stop_test);
         Bench {
             layout: config.layout(),
             core: ControlCore::new(&config),
@@ -136,6 +146,18 @@ impl Bench {
         if !self.disturb.not_reading {
             self.read();
         }
+    }
+
+    /// Until no motion is under way any more; panics after `most` ticks.
+    pub fn until_idle(&mut self, most: u32) {
+        let idle = |bench: &Bench| !matches!(bench.core.control().state(), State::Running { .. });
+        assert!(
+            (0..most).any(|_| idle(self) || {
+                self.tick();
+                idle(self)
+            }),
+            "it still runs"
+        );
     }
 
     pub fn run(&mut self, ticks: u32) {

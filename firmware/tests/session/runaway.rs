@@ -59,7 +59,7 @@ fn open_phase(encoder: usize) -> impl FnMut(&mut Inputs) + 'static {
 
 /// Ticks of the slow stage, which lasts from 3.4 to 29.2 s, at every place of a move and its pause.
 fn slow_stage() -> impl Iterator<Item = u32> {
-    (3500..29_000).step_by(550)
+    (3500..29_000).step_by(730)
 }
 
 #[test]

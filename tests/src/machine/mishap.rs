@@ -56,6 +56,8 @@ pub enum What {
     Panic,
     /// The telemetry task hangs.
     TelemetryHangs,
+    /// The commands task takes more stack than there is.
+    StackOverflows,
 }
 
 /// What befalls a machine, and what of it has begun.
@@ -109,6 +111,7 @@ impl Mishaps {
                     sensors.host = bytes.into_iter().collect();
                 }
                 What::Panic => sensors.ordeal = once(Ordeal::PanicInCommands),
+                What::StackOverflows => sensors.ordeal = once(Ordeal::StackOverflows),
                 What::TelemetryHangs => sensors.ordeal = once(Ordeal::TelemetryHangs),
             }
         }

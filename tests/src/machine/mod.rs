@@ -59,6 +59,8 @@ pub struct Options {
     pub mishaps: Vec<Mishap>,
     /// What goes wrong on the line.
     pub faults: Vec<Fault>,
+    /// The first gyro answers from so many ticks after power-on on; before, its lines are low.
+    pub gyro1_from_tick: u32,
 }
 
 /// What `host record` made of a machine.
