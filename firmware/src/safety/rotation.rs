@@ -82,7 +82,7 @@ impl Turn {
         let [a, b, c] = self.axis;
         let [x, y, z] = vector;
         let across = [y * c - z * b, z * a - x * c, x * b - y * a].map(|part| part >> 30);
-        let along = (dot(self.axis, vector) >> 30) * (i64::from(sine::ONE) - cos) >> 30;
+        let along = ((dot(self.axis, vector) >> 30) * (i64::from(sine::ONE) - cos)) >> 30;
         core::array::from_fn(|i| (vector[i] * cos + across[i] * sin + self.axis[i] * along) >> 30)
     }
 }
@@ -155,12 +155,12 @@ impl RotationWatch {
             for ((turn, position), step) in turns.iter().zip(positions).zip(steps).take(self.joints) {
                 turned = turn.carried(turned, turn.angle(*position));
                 let step = i64::from(turn.angle(*step)).clamp(-MAX_STEP, MAX_STEP);
-                turned = core::array::from_fn(|i| turned[i] + (turn.axis[i] * step >> 30));
+                turned = core::array::from_fn(|i| turned[i] + ((turn.axis[i] * step) >> 30));
             }
             let mut way = 0;
             for i in 0..3 {
                 let moved = (i64::from(words[i]) << 16) - self.rest[i];
-                let moved = (moved >> 8) * self.angle_of_word >> 24;
+                let moved = ((moved >> 8) * self.angle_of_word) >> 24;
                 add(&mut self.difference[i], moved - (dot(self.mount[i], turned) >> 30));
                 way += moved.abs();
             }

@@ -44,6 +44,7 @@ pub(super) struct Machine {
     /// Ticks since power-on.
     ticks: u32,
     gyro1_from_tick: u32,
+    swapped_leads: Option<usize>,
     unfed: u32,
     bite: bool,
     /// What the next start will find in RCC_CSR.
@@ -73,6 +74,7 @@ impl Machine {
             seq: 0,
             ticks: 0,
             gyro1_from_tick: options.gyro1_from_tick,
+            swapped_leads: options.swapped_leads,
             unfed: 0,
             bite: false,
             reset_flags: POWER_ON,
@@ -86,7 +88,10 @@ impl Machine {
             Some(asked) => asked,
             None => self.start_up()?.0,
         };
-        let duty = tick.duty.map(|duty| f64::from(duty.0) / f64::from(Duty::FULL));
+        let mut duty = tick.duty.map(|duty| f64::from(duty.0) / f64::from(Duty::FULL));
+        if let Some(motor) = self.swapped_leads {
+            duty[motor] = -duty[motor];
+        }
         self.begin_noise();
         let sensors = self.sense(&tick, &duty);
         self.reply(|out| sensors.write(out))?;

@@ -61,6 +61,8 @@ pub struct Options {
     pub faults: Vec<Fault>,
     /// The first gyro answers from so many ticks after power-on on; before, its lines are low.
     pub gyro1_from_tick: u32,
+    /// The leads of this motor, from 0, are swapped.
+    pub swapped_leads: Option<usize>,
 }
 
 /// What `host record` made of a machine.

@@ -173,6 +173,8 @@ pub struct Doggy {
     /// First tick of the motion that is played.
     pub playing: Option<u32>,
     pub last_end: Option<(MotionId, MotionEnd)>,
+    /// Latched until it is cleared.
+    pub fault: Option<protocol::Fault>,
 }
 
 impl Default for Doggy {
@@ -198,6 +200,7 @@ impl Default for Doggy {
             waiting: None,
             playing: None,
             last_end: None,
+            fault: None,
         }
     }
 }
@@ -205,7 +208,7 @@ impl Default for Doggy {
 impl Doggy {
     fn status(&self) -> Status {
         Status {
-            state: State::Idle,
+            state: self.fault.map_or(State::Idle, State::Fault),
             streaming: self.streaming,
             first_seq: self.first_seq,
             end_seq: if self.streaming { self.seq } else { self.end_seq },
@@ -237,6 +240,7 @@ impl Doggy {
             Command::Start { at_seq: None, .. } => self.playing = Some(self.seq),
             Command::Stop if self.playing.is_some() => self.end(MotionEnd::Stopped, out),
             Command::SetZero => self.hello.zero = Some([0; 3].into_iter().collect()),
+            Command::ClearFault => self.fault = None,
             Command::Status => out.report(&Report::Status(self.status())),
             _ => {}
         }
