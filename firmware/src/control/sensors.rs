@@ -119,10 +119,14 @@ impl Sensors {
     /// Holds the gyros against the encoders while a motion is under way, and takes their zero while the joints rest.
     fn compare(&mut self, joints: &[Joint], steps: &[i32; MAX_JOINTS], strongest: Duty, moving: bool) {
         let at_rest = self.at_rest(joints);
+        let is_held = joints.iter().all(|joint| strongest.0.unsigned_abs() <= joint.drive.standing_duty.unsigned_abs());
         self.differs = None;
         for (index, watch) in self.rotations.iter_mut().enumerate() {
             let words = (self.gyro_verdicts[index] == Verdict::Good).then_some(self.words[index]);
             if moving {
+                if at_rest && is_held {
+                    watch.pauses(words);
+                }
                 if watch.differs(words, &self.turns, &self.positions, steps, strongest) && self.differs.is_none() {
                     self.differs = Some(index as u8);
                 }

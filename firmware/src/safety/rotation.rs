@@ -101,6 +101,8 @@ pub struct RotationWatch {
     /// Words at rest, times 2¹⁶.
     rest: Vector,
     rested: bool,
+    /// How far from its zero a gyro may be in a pause, words times 2¹⁶.
+    drift: i64,
     /// What the gyro has turned by more than the encoders.
     difference: Vector,
     /// The part of the gyro's way, there and back, by which it may differ.
@@ -118,6 +120,7 @@ impl RotationWatch {
             mount: gyro.mount.map(direction),
             rest: [0; 3],
             rested: false,
+            drift: (constants::ZERO_DRIFT_RAD_S / gyro.info.rad_s_per_lsb * 65_536.0) as i64,
             difference: [0; 3],
             part_of_way: 0,
         }
@@ -127,11 +130,27 @@ impl RotationWatch {
     pub fn at_rest(&mut self, words: Option<[i16; 3]>) {
         self.begin_anew();
         let Some(words) = words else { return };
-        for (rest, word) in self.rest.iter_mut().zip(words) {
-            let now = i64::from(word) << 16;
-            *rest = if self.rested { *rest + ((now - *rest) >> REST_SHIFT) } else { now };
+        if !self.rested {
+            self.rest = words.map(|word| i64::from(word) << 16);
+            self.rested = true;
         }
-        self.rested = true;
+        self.take_zero(words);
+    }
+
+    fn take_zero(&mut self, words: [i16; 3]) {
+        for (rest, word) in self.rest.iter_mut().zip(words) {
+            *rest += ((i64::from(word) << 16) - *rest) >> REST_SHIFT;
+        }
+    }
+
+    /// A tick of a pause in a motion, in which no joint moves and none is driven: the gyro's zero drifts, and is followed
+    /// while it is not far from where it was.
+    pub fn pauses(&mut self, words: Option<[i16; 3]>) {
+        let Some(words) = words else { return };
+        let near = |(word, rest): (i16, i64)| ((i64::from(word) << 16) - rest).abs() <= self.drift;
+        if self.rested && words.into_iter().zip(self.rest).all(near) {
+            self.take_zero(words);
+        }
     }
 
     /// The sums begin anew: nobody drives the joints, and hands may move them.
@@ -284,6 +303,22 @@ mod tests {
         assert!((40..45).contains(&found.unwrap()), "{found:?}");
         watch.at_rest(None);
         assert!(!watch.differs(Some(ZERO), &turns(), &[0], &[0], Duty(0)), "begun anew");
+    }
+
+    #[test]
+    fn a_zero_that_drifts_is_followed_in_pauses_and_a_rotation_is_not() {
+        let mut watch = RotationWatch::new(&gyro(0));
+        watch.at_rest(Some([0; 3]));
+        // 0.04 rad/s are 75 words.
+        for _ in 0..2000 {
+            watch.pauses(Some([75, 0, -75]));
+        }
+        assert!(!(0..20_000).any(|_| watch.differs(Some([75, 0, -75]), &turns(), &[0], &[0], Duty(0))));
+        for _ in 0..2000 {
+            watch.pauses(Some([75 + 188, 0, -75]));
+        }
+        let found = (0..20_000).find(|_| watch.differs(Some([75 + 188, 0, -75]), &turns(), &[0], &[0], Duty(0)));
+        assert!(found.unwrap() < 1500, "0.12 rad at 0.1 rad/s: {found:?}");
     }
 
     #[test]
