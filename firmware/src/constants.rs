@@ -23,16 +23,16 @@ pub const COMMAND_QUEUE: usize = 4;
 pub const STANDING_DUTY: i16 = 450;
 /// Push (duty beyond the standing duty, summed over ticks in one direction) that moves every joint, steps · ticks: 19 ms
 /// at a duty of 0.90, 150 ms at 0.15. An encoder whose count has not moved under it is stuck; a joint that goes against
-/// it, and has not slowed down under it, goes the wrong way. Of healthy robots the largest push without a count is PUSH_STILL
-/// and against the speed PUSH_AGAINST (the program `healthy` of the crate `tests`). Half of it finds a fault 0.04 rad
-/// earlier in the slow stage; twice lets a joint run 0.09 rad further there.
+/// it, and has not slowed down under it, goes the wrong way. How near healthy robots come, at the reversals of the fastest
+/// chirp, the program `healthy` of the crate `tests` prints. Half of it stops them there; twice lets a joint run 0.09 rad
+/// further in the slow stage.
 pub const MOVING_PUSH: u32 = 157_500;
 /// Where an encoder is so coarse that a healthy joint needs longer for [`STILL_COUNTS`](crate::safety::STILL_COUNTS): the
 /// push gets so many times that which moves it by them from rest without friction. Doggy's encoders would get 14 ms.
 pub const PUSH_OF_COARSE: f32 = 3.0;
-/// Angle by which the rotation that a gyro has summed up over 4 s may differ from that of the encoders, rad. With the part
-/// of the way below, the largest difference of healthy robots is ROTATION_HEALTHY (the program `healthy` of the crate
-/// `tests`). Half of it finds half counts 0.2 rad earlier; with twice a joint runs 0.4 rad further and past its limit.
+/// Angle by which the rotation that a gyro has summed up over 4 s may differ from that of the encoders, rad. How near
+/// healthy robots come the program `healthy` of the crate `tests` prints. Half of it stops them; with twice a joint whose
+/// encoder counts half runs 0.27 rad further.
 pub const ROTATION_DIFFERS_RAD: f32 = 0.12;
 /// How far a gyro's zero may be, in a pause of a motion, from where it was before, rad/s: 3°/s, a robot's drift over many
 /// pauses and thirty times the noise. A joint whose encoder stands, and which creeps more slowly, makes 0.07 rad in the
@@ -41,9 +41,9 @@ pub const ZERO_DRIFT_RAD_S: f64 = 0.05;
 /// The part of the gyro's way there and back by which it may differ more, 10⁻⁴. A gyro's scale is right to 0.5 % by the
 /// data sheets, and 1° of its mount makes as much again; of the way, which sums all axes, the half goes in one direction.
 pub const ROTATION_DIFFERS_OF_WAY: i64 = 200;
-/// What is added to that part at full duty, 10⁻⁴: the belts' swings about several axes. Healthy robots differ by 3 % of the
-/// way in a chirp of all joints at a duty of 0.9; see ROTATION_HEALTHY above. Half of it stops such a chirp; with twice lost
-/// counts are found 0.1 rad later in the fast stage.
+/// What is added to that part at full duty, 10⁻⁴: the belts' swings about several axes. Healthy robots differ by 4 % of the
+/// way in a chirp of all joints at a duty of 0.9. Half of it leaves such a chirp no margin; with twice lost counts are found
+/// 0.1 rad later in the fast stage.
 pub const ROTATION_DIFFERS_AT_FULL_DUTY: i64 = 500;
 /// Ticks without a reading after which an encoder on a bus does not answer.
 pub const ENCODER_STALE_TICKS: u16 = 3;

@@ -14,6 +14,7 @@
 use firmware::wiring::pwm;
 use protocol::Duty;
 use stm32f4xx_hal::gpio::{Alternate, Output, PC1, PC6, PC7, PC8, PC9, PC10, PC11, PinState};
+use stm32f4xx_hal::pac::tim8::bdtr;
 use stm32f4xx_hal::pac::{GPIOC, TIM8};
 use stm32f4xx_hal::rcc::{Enable, Rcc, Reset};
 
@@ -64,10 +65,7 @@ impl Motors {
         // The compare values count from here; before, they are 0, which in this mode is always active.
         timer.egr().write(|w| w.ug().update());
         timer.ccer().write(|w| w.cc1e().set_bit().cc2e().set_bit().cc3e().set_bit());
-        // Off-state: driven to the idle level, low, instead of left open. Break on: if the crystal fails, the clock security
-        // system takes the outputs there without any software. No pin is mapped to the break input, which is then low and,
-        // active high, at rest.
-        timer.bdtr().write(|w| w.ossr().idle_level().ossi().idle_level().bke().enabled().bkp().active_high());
+        timer.bdtr().write(outputs_off);
         let (a, b, c) = pins.pwm;
         let _pwm = (a.into_alternate::<3>(), b.into_alternate::<3>(), c.into_alternate::<3>());
         Motors { timer, enable: pins.enable, direction: pins.direction, armed: false, _pwm }
@@ -111,12 +109,19 @@ impl Motors {
     }
 }
 
+/// The outputs' register with all of them off. Off-state: driven to the idle level, low, instead of left open. Break on: if
+/// the crystal fails, the clock security system takes the outputs there without any software. No pin is mapped to the break
+/// input, which is then low and, active high, at rest.
+fn outputs_off(w: &mut bdtr::W) -> &mut bdtr::W {
+    w.moe().disabled_idle().ossr().idle_level().ossi().idle_level().bke().enabled().bkp().active_high()
+}
+
 /// Motors off, from anywhere and at any time: the timer's outputs to their idle level, the drivers' enable low.
 pub fn motors_off() {
     // SAFETY: both accesses are single writes that turn something off; whoever is interrupted in between loses nothing
     // that counts. Before their clocks are on, the peripherals ignore them, and the pins are open.
     unsafe {
-        (*TIM8::ptr()).bdtr().write(|w| w.moe().disabled_idle().ossi().idle_level());
+        (*TIM8::ptr()).bdtr().write(outputs_off);
         (*GPIOC::ptr()).bsrr().write(|w| w.br1().set_bit());
     }
 }

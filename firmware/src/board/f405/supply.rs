@@ -1,5 +1,7 @@
 //! The emergency stop and the supply: what the tick looks at before it moves anything.
 
+use core::sync::atomic::{AtomicBool, Ordering::Relaxed};
+
 use stm32f4xx_hal::gpio::{Input, PC0};
 use stm32f4xx_hal::pac::{EXTI, FLASH, PWR};
 use stm32f4xx_hal::rcc::{Enable, Rcc};
@@ -7,10 +9,14 @@ use stm32f4xx_hal::rcc::{Enable, Rcc};
 /// Level 7 of the voltage detector: 2.9 V falling (typical), where the supply is 3.3 V.
 const DETECTOR_LEVEL: u8 = 7;
 
+/// The supply fell since the last tick.
+static FELL: AtomicBool = AtomicBool::new(false);
+
 /// The interrupt of the detector: motors off at once, whatever else runs; the tick finds the brown-out. They stay off until
 /// a motion arms them anew.
 pub fn fell() {
     super::motors_off();
+    FELL.store(true, Relaxed);
     // SAFETY: one write that clears this line's own flag.
     unsafe { (*EXTI::ptr()).pr().write(|w| w.pr16().clear()) };
 }
@@ -44,8 +50,8 @@ impl Supply {
         self.stop.is_high()
     }
 
-    /// The supply is below the detector's level.
+    /// The supply is below the detector's level, or was since this was asked last, however shortly.
     pub fn brown_out(&self) -> bool {
-        self.power.csr().read().pvdo().bit_is_set()
+        FELL.swap(false, Relaxed) | self.power.csr().read().pvdo().bit_is_set()
     }
 }
