@@ -40,11 +40,11 @@ pub const ROTATION_DIFFERS_RAD: f32 = 0.12;
 pub const ZERO_DRIFT_RAD_S: f64 = 0.05;
 /// The part of the gyro's way there and back by which it may differ more, 10⁻⁴. A gyro's scale is right to 0.5 % by the
 /// data sheets, and 1° of its mount makes as much again; of the way, which sums all axes, the half goes in one direction.
-pub const ROTATION_DIFFERS_OF_WAY: i64 = 200;
+pub const ROTATION_DIFFERS_OF_WAY: u32 = 200;
 /// What is added to that part at full duty, 10⁻⁴: the belts' swings about several axes. Healthy robots differ by 4 % of the
 /// way in a chirp of all joints at a duty of 0.9. Half of it leaves such a chirp no margin; with twice lost counts are found
 /// 0.1 rad later in the fast stage.
-pub const ROTATION_DIFFERS_AT_FULL_DUTY: i64 = 500;
+pub const ROTATION_DIFFERS_AT_FULL_DUTY: u32 = 500;
 /// Ticks without a reading after which an encoder on a bus does not answer.
 pub const ENCODER_STALE_TICKS: u16 = 3;
 /// Highest believable speed of a joint, rad/s or m/s: six times the no-load speed of Doggy's motors

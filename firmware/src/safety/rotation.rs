@@ -183,9 +183,12 @@ impl RotationWatch {
                 add(&mut self.difference[i], moved - (dot(self.mount[i], turned) >> 30));
                 way += moved.abs();
             }
+            // In 32 bits, where the processor divides by itself; a share is below a tenth, so it fits.
+            let steps = u32::from(duty.0.unsigned_abs());
             let share = constants::ROTATION_DIFFERS_OF_WAY
-                + constants::ROTATION_DIFFERS_AT_FULL_DUTY * i64::from(duty.0.unsigned_abs()) / i64::from(Duty::FULL);
-            add(&mut self.part_of_way, way * share / i64::from(Duty::FULL));
+                + constants::ROTATION_DIFFERS_AT_FULL_DUTY * steps / u32::from(Duty::FULL.unsigned_abs());
+            let share_q16 = i64::from((share << 16) / u32::from(Duty::FULL.unsigned_abs()));
+            add(&mut self.part_of_way, (way * share_q16) >> 16);
         }
         i64::from(length(self.difference)) > self.allowed()
     }
