@@ -45,9 +45,14 @@ pub enum Axis {
 
 /// Largest step of a joint in a tick that is reckoned with, 0.1 rad: three times the highest believable speed, and small
 /// enough for every product here to fit 64 bits.
-const MAX_STEP: i64 = 1 << 26;
+const MAX_STEP: i32 = 1 << 26;
 
-type Vector = [i64; 3];
+type Vector = [i32; 3];
+
+/// A product with a factor in 2⁻³⁰; both of at most 2³⁰.
+fn scaled(a: i32, b: i32) -> i32 {
+    ((i64::from(a) * i64::from(b)) >> 30) as i32
+}
 
 /// A joint as the watch needs it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -77,13 +82,19 @@ impl Turn {
             return vector;
         }
         // Rodrigues, backwards: v cos + (v × a) sin + a (a · v) (1 − cos).
-        let (sin, cos) =
-            (i64::from(sine::sine(angle as u32)), i64::from(sine::sine((angle as u32).wrapping_add(QUARTER))));
+        let (sin, cos) = (sine::sine(angle as u32), sine::sine((angle as u32).wrapping_add(QUARTER)));
         let [a, b, c] = self.axis;
         let [x, y, z] = vector;
-        let across = [y * c - z * b, z * a - x * c, x * b - y * a].map(|part| part >> 30);
-        let along = ((dot(self.axis, vector) >> 30) * (i64::from(sine::ONE) - cos)) >> 30;
-        core::array::from_fn(|i| (vector[i] * cos + across[i] * sin + self.axis[i] * along) >> 30)
+        let across = [
+            scaled(y, c).wrapping_sub(scaled(z, b)),
+            scaled(z, a).wrapping_sub(scaled(x, c)),
+            scaled(x, b).wrapping_sub(scaled(y, a)),
+        ];
+        let dot = dot(self.axis, vector);
+        let along = dot.wrapping_sub(scaled(dot, cos));
+        core::array::from_fn(|i| {
+            scaled(vector[i], cos).wrapping_add(scaled(across[i], sin)).wrapping_add(scaled(self.axis[i], along))
+        })
     }
 }
 
@@ -99,12 +110,12 @@ pub struct RotationWatch {
     /// Axes of the base, all joints at zero, to axes of the gyro.
     mount: [Vector; 3],
     /// Words at rest, times 2¹⁶.
-    rest: Vector,
+    rest: [i64; 3],
     rested: bool,
     /// How far from its zero a gyro may be in a pause, words times 2¹⁶.
     drift: i64,
     /// What the gyro has turned by more than the encoders.
-    difference: Vector,
+    difference: [i64; 3],
     /// The part of the gyro's way, there and back, by which it may differ.
     part_of_way: i64,
 }
@@ -173,14 +184,14 @@ impl RotationWatch {
             let mut turned = [0; 3];
             for ((turn, position), step) in turns.iter().zip(positions).zip(steps).take(self.joints) {
                 turned = turn.carried(turned, turn.angle(*position));
-                let step = i64::from(turn.angle(*step)).clamp(-MAX_STEP, MAX_STEP);
-                turned = core::array::from_fn(|i| turned[i] + ((turn.axis[i] * step) >> 30));
+                let step = turn.angle(*step).clamp(-MAX_STEP, MAX_STEP);
+                turned = core::array::from_fn(|i| turned[i].wrapping_add(scaled(turn.axis[i], step)));
             }
             let mut way = 0;
             for i in 0..3 {
                 let moved = (i64::from(words[i]) << 16) - self.rest[i];
                 let moved = ((moved >> 8) * self.angle_of_word) >> 24;
-                add(&mut self.difference[i], moved - (dot(self.mount[i], turned) >> 30));
+                add(&mut self.difference[i], moved - i64::from(dot(self.mount[i], turned)));
                 way += moved.abs();
             }
             // In 32 bits, where the processor divides by itself; a share is below a tenth, so it fits.
@@ -210,15 +221,15 @@ fn add(sum: &mut i64, more: i64) {
 
 /// Of a unit vector.
 fn direction(vector: [f32; 3]) -> Vector {
-    vector.map(|part| (f64::from(part) * f64::from(sine::ONE)) as i64)
+    vector.map(|part| (f64::from(part) * f64::from(sine::ONE)) as i32)
 }
 
-fn dot([a, b, c]: Vector, [x, y, z]: Vector) -> i64 {
-    a * x + b * y + c * z
+fn dot([a, b, c]: Vector, [x, y, z]: Vector) -> i32 {
+    scaled(a, x).wrapping_add(scaled(b, y)).wrapping_add(scaled(c, z))
 }
 
 /// In 2⁻¹⁶ turns, at most a turn.
-fn length(vector: Vector) -> u32 {
+fn length(vector: [i64; 3]) -> u32 {
     let squares = vector.map(|part| {
         let part = (part >> LENGTH_SHIFT).unsigned_abs().min(1 << LENGTH_SHIFT);
         part * part
