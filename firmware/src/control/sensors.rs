@@ -28,6 +28,8 @@ pub(super) struct Sensors {
     gyros: heapless::Vec<GyroWatch, MAX_GYROS>,
     drives: heapless::Vec<DriveWatch, MAX_JOINTS>,
     rotations: heapless::Vec<RotationWatch, MAX_GYROS>,
+    /// The gyro that is judged in this tick.
+    judged: usize,
     turns: heapless::Vec<Turn, MAX_JOINTS>,
     encoder_joint: [usize; MAX_ENCODERS],
     encoder_verdicts: [Verdict; MAX_ENCODERS],
@@ -62,6 +64,7 @@ impl Sensors {
             gyros: config.hello.gyros.iter().map(|_| GyroWatch::new(config.gyro_bounds)).collect(),
             drives: config.joints.iter().map(|joint| DriveWatch::new(joint.drive)).collect(),
             rotations: config.rotations.clone(),
+            judged: 0,
             turns: config.joints.iter().map(|joint| joint.turn).collect(),
             encoder_joint,
             encoder_verdicts: [Verdict::Good; MAX_ENCODERS],
@@ -116,18 +119,21 @@ impl Sensors {
         flags
     }
 
-    /// Holds the gyros against the encoders while a motion is under way, and takes their zero while the joints rest.
+    /// Holds the gyros against the encoders while a motion is under way, one a tick in turn, and takes their zero while the
+    /// joints rest.
     fn compare(&mut self, joints: &[Joint], steps: &[i32; MAX_JOINTS], strongest: Duty, moving: bool) {
         let at_rest = self.at_rest(joints);
         let is_held = joints.iter().all(|joint| strongest.0.unsigned_abs() <= joint.drive.standing_duty.unsigned_abs());
         self.differs = None;
+        self.judged = if self.judged + 1 < self.rotations.len() { self.judged + 1 } else { 0 };
         for (index, watch) in self.rotations.iter_mut().enumerate() {
             let words = (self.gyro_verdicts[index] == Verdict::Good).then_some(self.words[index]);
             if moving {
                 if at_rest && is_held {
                     watch.pauses(words);
                 }
-                if watch.differs(words, &self.turns, &self.positions, steps, strongest) && self.differs.is_none() {
+                watch.moves(words, steps);
+                if index == self.judged && watch.differs(&self.turns, &self.positions, strongest) {
                     self.differs = Some(index as u8);
                 }
             } else if at_rest {
