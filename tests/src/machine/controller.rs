@@ -213,12 +213,14 @@ impl Machine {
     /// What the pins show in this tick.
     fn sense(&mut self, tick: &Tick, duty: &[f64; MOTORS]) -> Sensors {
         let hardware = self.world.sense(duty);
-        let [address, register] = tick.i2c;
-        let i2c = self.world.i2c(address, &[register], firmware::lockstep::I2C_BURST);
+        let spi = tick.spi.and_then(|sent| self.spi(&sent));
+        let i2c = tick
+            .i2c
+            .and_then(|[address, register]| self.world.i2c(address, &[register], firmware::lockstep::I2C_BURST));
         let n = self.from_host.len().min(MAX_HOST_BYTES);
         let mut sensors = Sensors {
             counters: std::array::from_fn(|motor| hardware[motor]),
-            spi: self.spi(&tick.spi).and_then(|answer| answer.try_into().ok()),
+            spi: spi.and_then(|answer| answer.try_into().ok()),
             i2c: i2c.and_then(|answer| answer.try_into().ok()),
             host: self.from_host.drain(..n).collect(),
             ..Sensors::default()

@@ -23,7 +23,7 @@ static FED: AtomicBool = AtomicBool::new(false);
 /// Sensors and motors.
 pub struct Pins {
     counters: [QuadratureCounter; MOTORS],
-    /// Whether each gyro is set up.
+    /// Whether each gyro is set up; if not, its bus is with `idle`.
     there: [bool; 2],
     absence: [Absence; 2],
     exchange: Exchange<Bus>,
@@ -66,8 +66,7 @@ impl Pins {
     }
 
     fn gyros(&self) -> [GyroInput; 2] {
-        let [spi_is_there, i2c_is_there] = self.there;
-        let (spi, i2c) = (self.sensors.spi.filter(|_| spi_is_there), self.sensors.i2c.filter(|_| i2c_is_there));
+        let Sensors { spi, i2c, .. } = self.sensors;
         [
             spi.map(|answer| Icm42688p::<SpiBus>::decode(&answer)).ok_or(()).into(),
             i2c.map(|answer| Bmi323::<I2cBus>::decode(&answer)).ok_or(()).into(),
@@ -79,6 +78,10 @@ impl wiring::Pins for Pins {
     fn begin(&mut self) -> u32 {
         let began = clock::now();
         let t_us = clock::begin_period();
+        if let Some(bus) = self.exchange.found.dequeue() {
+            self.there[usize::from(bus.number() - 1)] = true;
+        }
+        let [spi_is_there, i2c_is_there] = self.there;
         let [register] = Bmi323::<I2cBus>::READ_REQUEST;
         let tick = Tick {
             duty: self.preloaded.take().unwrap_or_default(),
@@ -87,8 +90,9 @@ impl wiring::Pins for Pins {
             begin_cycles: self.begin_cycles,
             tick_cycles: self.tick_cycles,
             stack_bytes: self.stack_bytes,
-            spi: Icm42688p::<SpiBus>::READ_REQUEST,
-            i2c: [BMI323_ADDRESS, register],
+            // The bus of a gyro that is missing belongs to `idle`: a burst would read the status that its set-up waits for.
+            spi: spi_is_there.then_some(Icm42688p::<SpiBus>::READ_REQUEST),
+            i2c: i2c_is_there.then_some([BMI323_ADDRESS, register]),
         };
         let exchange_began = clock::now();
         self.sensors = exchange::ask(&Request { t_us, kind: Kind::Tick(tick) }, Sensors::read);
@@ -120,9 +124,6 @@ impl wiring::Pins for Pins {
             inputs.encoders.iter_mut().zip(&mut self.counters).zip(self.sensors.counters)
         {
             *input = Some(counter.update(hardware));
-        }
-        if let Some(bus) = self.exchange.found.dequeue() {
-            self.there[usize::from(bus.number() - 1)] = true;
         }
         for (input, gyro) in inputs.gyros.iter_mut().zip(self.gyros()) {
             *input = gyro;
