@@ -72,16 +72,15 @@ pub enum Command {
 }
 
 impl Command {
-    /// Whether doing it again does no harm: such a request is carried out as often as it comes.
+    /// Whether doing it again does no harm: such a request is carried out as often as it comes. The parts of an upload are
+    /// such: their line keeps its order, a second beginning comes before the first segment, and a segment that is there is
+    /// not taken again.
     pub fn is_idempotent(&self) -> bool {
         match self {
-            Self::Status | Self::Stop | Self::ClearFault => true,
-            Self::Stream { .. }
-            | Self::SetZero
-            | Self::UploadBegin { .. }
-            | Self::UploadSegment { .. }
-            | Self::UploadEnd { .. }
-            | Self::Start { .. } => false,
+            Self::Status | Self::Stop | Self::ClearFault | Self::UploadBegin { .. } | Self::UploadSegment { .. } => {
+                true
+            }
+            Self::Stream { .. } | Self::SetZero | Self::UploadEnd { .. } | Self::Start { .. } => false,
         }
     }
 
@@ -224,9 +223,9 @@ impl Memory {
         (known == id && !command.is_idempotent() && checksum == command.checksum()).then_some(answer)
     }
 
-    /// Remembers the answer to a request.
+    /// Remembers the answer to a request; of one that may be done twice only that it was the last.
     pub fn keep(&mut self, id: u8, command: &Command, answer: Result<(), Refusal>) {
-        self.last = Some((id, command.checksum(), answer));
+        self.last = (!command.is_idempotent()).then(|| (id, command.checksum(), answer));
     }
 
     /// Forgets: a host has greeted, its ids begin anew.
@@ -256,10 +255,15 @@ mod tests {
 
     #[test]
     fn what_may_be_done_twice_is_never_recalled() {
-        for command in [Command::Stop, Command::Status, Command::ClearFault] {
+        let header = Header { name: Default::default(), stages: Default::default(), gain: Default::default() };
+        let begin = Command::UploadBegin { motion: MotionId(3), header, segments: 1 };
+        for command in [Command::Stop, Command::Status, Command::ClearFault, begin] {
             let mut memory = Memory::new();
             memory.keep(7, &command, Ok(()));
             assert_eq!(memory.recall(7, &command), None, "{command:?}");
+            memory.keep(6, &START, Ok(()));
+            memory.keep(7, &command, Ok(()));
+            assert_eq!(memory.recall(6, &START), None, "only the last request is remembered");
         }
     }
 }
