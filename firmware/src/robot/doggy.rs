@@ -5,18 +5,32 @@
 use protocol::motion::Limits;
 use protocol::{EncoderInfo, GyroInfo, Side};
 
-use crate::config::{Config, JointSetup};
+use crate::config::{Config, GyroSetup, JointSetup};
+use crate::constants::GYRO_SATURATED_AT;
 use crate::driver::GyroRange;
+use crate::safety::Axis;
 
 /// Range of both gyros.
 pub const GYRO_RANGE: GyroRange = GyroRange::Dps1000;
 
+/// Joints, each with a motor and an encoder on it.
+pub const JOINTS: usize = 3;
+/// Gyros.
+pub const GYROS: usize = 2;
+
 /// What the control core must know of Doggy.
 #[inline(never)]
 pub fn doggy() -> Config {
-    let joint = |max: f32, coast_s: f32| JointSetup { coast_s, ..JointSetup::new(Limits { min: -max, max }) };
+    let joint = |axis, max: f32, coast_s: f32| JointSetup {
+        coast_s,
+        ..JointSetup::new(Limits { min: -max, max }, Axis::Turns(axis))
+    };
     // (b + inertia of the links in the zero position) / k_mi, with b = 2.428 kg m² and k_mi = 31.328 N m s/rad.
-    let joints = [joint(1.0, 0.093_661_83), joint(0.6, 0.094_860_73), joint(0.6, 0.093_916_79)];
+    let joints: [_; JOINTS] = [
+        joint([0.0, 0.0, 1.0], 1.0, 0.093_661_83),
+        joint([0.0, 1.0, 0.0], 0.6, 0.094_860_73),
+        joint([-1.0, 0.0, 0.0], 0.6, 0.093_916_79),
+    ];
     let encoders = [0, 1, 2].map(|joint| EncoderInfo {
         joint,
         side: Side::Motor,
@@ -24,12 +38,14 @@ pub fn doggy() -> Config {
         gear: 42.092,
         offset_us: 0,
     });
-    let gyros = [0, 2].map(|body| GyroInfo {
-        body,
-        rad_s_per_lsb: GYRO_RANGE.lsb_rad_s(),
-        saturated_at: i16::MAX as u16,
-        offset_us: 0,
-    });
+    let gyro = |body, mount| {
+        let rad_s_per_lsb = GYRO_RANGE.lsb_rad_s();
+        GyroSetup { info: GyroInfo { body, rad_s_per_lsb, saturated_at: GYRO_SATURATED_AT, offset_us: 0 }, mount }
+    };
+    let gyros: [_; GYROS] = [
+        gyro(0, [[-1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, -1.0, 0.0]]),
+        gyro(2, [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]),
+    ];
     match Config::new("doggy", &joints, &encoders, &gyros) {
         Ok(config) => config,
         // Nothing here depends on an input: the test below builds it.

@@ -4,6 +4,10 @@
 
 /// Counts per radian of Doggy's joints.
 pub const COUNTS_PER_RAD: f64 = 1024.0 * 42.092 / core::f64::consts::TAU;
+/// Axes of the joints in the zero position: yaw, pitch, and a roll to the back.
+pub const AXES: [[f32; 3]; 3] = [[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]];
+/// Mount of a gyro along the body's axes.
+pub const ALONG: [[f32; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 /// Radians per second of a gyro word at ±1000 °/s.
 pub const RAD_S_PER_LSB: f64 = 1000.0 / 32768.0 * core::f64::consts::PI / 180.0;
 
@@ -89,11 +93,15 @@ impl Plant {
         (self.joints[joint].state[2] * COUNTS_PER_RAD).floor() as i32
     }
 
-    /// Words of a gyro: rates of three joints in turn, with noise.
+    /// Words of a gyro, the first on the first body, the second on the last, mounted along the body's axes: the body's
+    /// rates with noise and a zero of 2.6°/s.
     pub fn words(&mut self, gyro: usize) -> [i16; 3] {
-        core::array::from_fn(|axis| {
-            let rate = self.joints.get(gyro + axis).map_or(0.0, |joint| joint.state[1]);
-            ((rate + 1.745e-3 * self.noise.gaussian()) / RAD_S_PER_LSB).round() as i16
-        })
+        let joints = if gyro == 0 { 1 } else { self.joints.len() };
+        let joint = |i: usize| self.joints.get(i).filter(|_| i < joints).map_or([0.0; 2], |j| [j.state[0], j.state[1]]);
+        let [[_, yaw], [q2, pitch], [q3, roll]] = [0, 1, 2].map(joint);
+        // Rz(q₁) Ry(q₂) Rx(−q₃), backwards.
+        let [x, y, z] = [-q2.sin() * yaw - roll, pitch, q2.cos() * yaw];
+        let rates = [x, q3.cos() * y - q3.sin() * z, q3.sin() * y + q3.cos() * z];
+        rates.map(|rate| ((rate + 0.0456 + 1.745e-3 * self.noise.gaussian()) / RAD_S_PER_LSB).round() as i16)
     }
 }

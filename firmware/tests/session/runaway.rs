@@ -1,0 +1,184 @@
+//! Sensors and wires that lie: no joint runs away, at any time of the calibration.
+//!
+//! Where the joints really are is the plant's to say; the core sees what the broken sensor tells.
+
+use firmware::Inputs;
+use firmware::motion::preset;
+use protocol::{Duty, EventKind, Fault, MAX_JOINTS, MotionEnd};
+
+use crate::bench::{Bench, Wires};
+use crate::motions::limits;
+use crate::plant::Plant;
+
+/// How far a joint really was beyond its limit when the motors were let go, and when it came to rest, rad.
+#[derive(Debug)]
+struct Beyond {
+    fault: Fault,
+    at_stop: f64,
+    at_rest: f64,
+}
+
+/// The calibration; after `from_ms` of it `lie` falsifies what the core reads.
+fn calibration_with(from_ms: u32, wires: Wires, mut lie: impl FnMut(&mut Inputs) + 'static) -> Beyond {
+    let mut bench = Bench::new(Plant::doggy(3, 1));
+    bench.wires = wires;
+    bench.prepare(&preset::calibration(&limits(3)));
+    bench.start().unwrap();
+    bench.run(from_ms);
+    bench.disturb.inputs = Some(Box::new(move |inputs| lie(inputs)));
+    let event = bench.until(100_000, |kind| matches!(kind, EventKind::MotionEnded { .. }));
+    let EventKind::MotionEnded { end: MotionEnd::Fault(fault), .. } = event.kind else {
+        panic!("from {from_ms} ms on: {event:?}, joints at {:?}", positions(&bench));
+    };
+    assert!(bench.outputs.stop && bench.in_force == [Duty::ZERO; MAX_JOINTS], "zero in the tick of the fault");
+    let at_stop = beyond(&bench);
+    bench.run(1000);
+    Beyond { fault, at_stop, at_rest: beyond(&bench) }
+}
+
+fn positions(bench: &Bench) -> Vec<f64> {
+    bench.plant.joints.iter().map(|joint| joint.state[2]).collect()
+}
+
+/// The farthest joint's way beyond its limit, negative within, rad.
+fn beyond(bench: &Bench) -> f64 {
+    let ways = positions(bench).into_iter().zip(&bench.limits).map(|(at, limits)| at.abs() - f64::from(limits.max));
+    ways.fold(f64::NEG_INFINITY, f64::max)
+}
+
+/// Prints the worst of them, and gives it: at the stop and at rest, rad beyond the limit.
+fn worst(what: &str, all: &[Beyond]) -> (f64, f64) {
+    let worst = |key: fn(&Beyond) -> f64| all.iter().map(key).fold(f64::NEG_INFINITY, f64::max);
+    let (at_stop, at_rest) = (worst(|beyond| beyond.at_stop), worst(|beyond| beyond.at_rest));
+    eprintln!("{what}, {} motions: {at_stop:.3} rad beyond the limit at the stop, {at_rest:.3} at rest", all.len());
+    (at_stop, at_rest)
+}
+
+/// One phase of an encoder is open: its count goes to and fro by one.
+fn open_phase(encoder: usize) -> impl FnMut(&mut Inputs) + 'static {
+    let mut base = None;
+    move |inputs| {
+        let count = inputs.encoders[encoder].unwrap();
+        inputs.encoders[encoder] = Some(*base.get_or_insert(count) + (count & 1));
+    }
+}
+
+/// Ticks of the slow stage, which lasts from 3.4 to 29.2 s, at every place of a move and its pause.
+fn slow_stage() -> impl Iterator<Item = u32> {
+    (3500..29_000).step_by(730)
+}
+
+#[test]
+fn an_open_phase_in_the_slow_stage_stops_the_motion_within_the_limits() {
+    let mut all = Vec::new();
+    for from_ms in slow_stage() {
+        for encoder in 0..3 {
+            let beyond = calibration_with(from_ms, Wires::RIGHT, open_phase(encoder));
+            let told = [Fault::EncoderStuck { encoder: encoder as u8 }, Fault::RotationMismatch { gyro: 0 }];
+            let told_by_the_last = Fault::RotationMismatch { gyro: 1 };
+            assert!(told.contains(&beyond.fault) || beyond.fault == told_by_the_last, "{beyond:?}");
+            all.push(beyond);
+        }
+    }
+    assert!(worst("an open phase, slow", &all).0 <= 0.05);
+}
+
+/// The joint is fast when its encoder breaks, up to 4.2 rad/s, and its motor at full duty: the motor is let go 17 ms later,
+/// and the joint coasts.
+#[test]
+fn an_open_phase_in_the_fast_stage_stops_the_motion_at_once() {
+    let mut all = Vec::new();
+    for from_ms in (29_300..74_000).step_by(770) {
+        for encoder in 0..3 {
+            let beyond = calibration_with(from_ms, Wires::RIGHT, open_phase(encoder));
+            assert!(!matches!(beyond.fault, Fault::JointLimit { .. }), "{beyond:?}");
+            all.push(beyond);
+        }
+    }
+    let (at_stop, at_rest) = worst("an open phase, fast", &all);
+    assert!(at_stop < 0.2 && at_rest < 0.3, "{at_stop} {at_rest}");
+}
+
+#[test]
+fn counts_that_are_half_or_twice_stop_the_first_moves() {
+    let mut all = Vec::new();
+    for scale in [0.5f64, 2.0] {
+        for encoder in 0..3 {
+            let lie = move |inputs: &mut Inputs| {
+                inputs.encoders[encoder] = inputs.encoders[encoder].map(|count| (f64::from(count) * scale) as i32);
+            };
+            let beyond = calibration_with(0, Wires::RIGHT, lie);
+            assert!(matches!(beyond.fault, Fault::RotationMismatch { .. }), "{beyond:?}");
+            all.push(beyond);
+        }
+    }
+    assert!(worst("half or double counts", &all).0 <= 0.05);
+}
+
+/// The gear slips: from some time on half of the steps are missing.
+#[test]
+fn counts_that_are_lost_on_the_way_stop_the_motion_within_the_limits() {
+    let mut all = Vec::new();
+    for from_ms in slow_stage() {
+        for encoder in 0..3 {
+            let mut base = None;
+            let lie = move |inputs: &mut Inputs| {
+                let count = inputs.encoders[encoder].unwrap();
+                let base = *base.get_or_insert(count);
+                inputs.encoders[encoder] = Some(base + (count - base) / 2);
+            };
+            let beyond = calibration_with(from_ms, Wires::RIGHT, lie);
+            assert!(matches!(beyond.fault, Fault::RotationMismatch { .. }), "{beyond:?}");
+            all.push(beyond);
+        }
+    }
+    // The worst is a slip that begins in the middle of a move of all joints.
+    assert!(worst("lost counts, slow", &all).0 <= 0.06);
+}
+
+#[test]
+fn an_encoder_that_counts_backwards_is_found_in_its_first_move() {
+    for encoder in 0..3 {
+        let lie = move |inputs: &mut Inputs| inputs.encoders[encoder] = inputs.encoders[encoder].map(|count| -count);
+        let beyond = calibration_with(0, Wires::RIGHT, lie);
+        assert_eq!(beyond.fault, Fault::WrongWay { joint: encoder as u8 });
+        assert!(beyond.at_rest < -0.4, "{beyond:?}");
+    }
+}
+
+#[test]
+fn a_motor_with_swapped_leads_is_found_in_its_first_move() {
+    for joint in 0..3 {
+        let mut wires = Wires::RIGHT;
+        wires.leads[joint] = -1.0;
+        let beyond = calibration_with(0, wires, |_| {});
+        assert_eq!(beyond.fault, Fault::WrongWay { joint: joint as u8 });
+        assert!(beyond.at_rest < -0.4, "{beyond:?}");
+    }
+}
+
+#[test]
+fn two_swapped_encoders_are_found_in_the_first_move() {
+    for (a, b) in [(0, 1), (0, 2), (1, 2)] {
+        let beyond = calibration_with(0, Wires::RIGHT, move |inputs| inputs.encoders.swap(a, b));
+        // The other joint counters what seems to move its own, and so makes the driven one seem to move, backwards.
+        let stuck = Fault::EncoderStuck { encoder: a as u8 };
+        let found = [stuck, Fault::WrongWay { joint: a as u8 }, Fault::RotationMismatch { gyro: 1 }];
+        assert!(found.contains(&beyond.fault), "{beyond:?}");
+        assert!(beyond.at_rest < -0.4, "{beyond:?}");
+    }
+}
+
+#[test]
+fn two_swapped_motors_are_found_in_the_first_move() {
+    for (a, b) in [(0, 1), (0, 2), (1, 2)] {
+        let mut wires = Wires::RIGHT;
+        wires.motors.swap(a, b);
+        let beyond = calibration_with(0, wires, |_| {});
+        // The other joint counters what seems to move its own, and so makes the driven one seem to move, backwards.
+        let stuck = Fault::EncoderStuck { encoder: a as u8 };
+        let found = [stuck, Fault::WrongWay { joint: a as u8 }, Fault::RotationMismatch { gyro: 1 }];
+        assert!(found.contains(&beyond.fault), "{beyond:?}");
+        assert!(beyond.at_rest < -0.4, "{beyond:?}");
+    }
+}
