@@ -36,7 +36,8 @@ pub const PUSH_OF_COARSE: f32 = 3.0;
 pub const ROTATION_DIFFERS_RAD: f32 = 0.12;
 /// How far a gyro's zero may be, in a pause of a motion, from where it was before, rad/s: 3°/s, a robot's drift over many
 /// pauses and thirty times the noise. A joint whose encoder stands, and which creeps more slowly, makes 0.07 rad in the
-/// longest pause; with twice that twice as much; with half a fast drift is lost sight of.
+/// longest pause; with twice that twice as much; with half a fast drift is lost sight of. A body that swings faster is not
+/// at rest: its words are no zero.
 pub const ZERO_DRIFT_RAD_S: f64 = 0.05;
 /// The part of the gyro's way there and back by which it may differ more, 10⁻⁴. A gyro's scale is right to 0.5 % by the
 /// data sheets, and 1° of its mount makes as much again; of the way, which sums all axes, the half goes in one direction.

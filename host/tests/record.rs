@@ -336,7 +336,7 @@ fn a_recording_ends_by_itself() {
     let desk = Desk::new();
     let (code, said) = ended(desk.record(&peer.path, &["--motion", &desk.short_motion()]).output().unwrap());
     assert_eq!(code, 3, "{said}");
-    assert!(said.contains("not over after 0.5 s") && said.contains("2501 samples"), "{said}");
+    assert!(said.contains("not over after 0.5 s"), "{said}");
     let recording = recording::read(&desk.file("run.mcap")).unwrap();
     assert!((2500..3000).contains(&recording.len()), "{}", recording.len());
     let stops = peer.finish().into_iter().filter(|m| matches!(m, ToDevice::Request { command: Command::Stop, .. }));

@@ -185,10 +185,11 @@ impl Sensors {
         }
     }
 
-    /// Whether every sensor answers and every joint is at rest.
+    /// Whether every sensor answers, and every joint and every body with a gyro is at rest.
     pub fn quiet(&self, joints: &[Joint]) -> bool {
         let heard = self.encoder_verdicts.iter().all(|verdict| *verdict == Verdict::Good);
-        heard && self.fault().is_none() && self.at_rest(joints)
+        let still = self.rotations.iter().all(RotationWatch::is_quiet);
+        heard && still && self.fault().is_none() && self.at_rest(joints)
     }
 
     fn at_rest(&self, joints: &[Joint]) -> bool {

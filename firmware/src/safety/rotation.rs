@@ -124,6 +124,8 @@ pub struct RotationWatch {
     /// Words at rest, 2⁻¹² words.
     rest: [i32; 3],
     rested: bool,
+    /// Largest distance of a word from those at rest, forgotten with 2⁸ ticks; 2⁻¹² words.
+    unrest: i32,
     /// How far from its zero a gyro may be in a pause, 2⁻¹² words.
     drift: i32,
     /// Ticks with words since the last judgement.
@@ -150,6 +152,7 @@ impl RotationWatch {
             mount: gyro.mount.map(direction),
             rest: [0; 3],
             rested: false,
+            unrest: 0,
             drift: (constants::ZERO_DRIFT_RAD_S / gyro.info.rad_s_per_lsb * word) as i32,
             ticks: 0,
             moved: [0; 3],
@@ -168,6 +171,14 @@ impl RotationWatch {
             self.rested = true;
         }
         self.take_zero(words);
+        let far = words.into_iter().zip(self.rest).map(|(word, rest)| (fine(word) - rest).abs()).max();
+        self.unrest = (self.unrest - (self.unrest >> REST_SHIFT)).max(far.unwrap_or_default());
+    }
+
+    /// Whether the body rests as well as the joints: a link that swings on its belts moves no encoder, and its words are
+    /// no zero. Known while the joints are at rest.
+    pub fn is_quiet(&self) -> bool {
+        self.unrest <= self.drift
     }
 
     fn take_zero(&mut self, words: [i16; 3]) {
@@ -398,6 +409,25 @@ mod tests {
         }
         let found = (0..20_000).find(|_| tick(&mut watch, Some([75 + 188, 0, -75]), &turns(), &[0], &[0]));
         assert!(found.unwrap() < 1500, "0.12 rad at 0.1 rad/s: {found:?}");
+    }
+
+    #[test]
+    fn a_body_that_swings_on_its_belts_is_not_quiet() {
+        let mut watch = RotationWatch::new(&gyro(0));
+        // 3 Hz; a swing of 0.04 rad/s is as small as a drift.
+        let quiet = |watch: &mut RotationWatch, rad_s: f64, ticks: u32| {
+            let word = |k: u32| (rad_s / RAD_S_PER_LSB * (0.0188 * f64::from(k)).sin()) as i16 + ZERO[0];
+            (0..ticks)
+                .filter(|k| {
+                    watch.at_rest(Some([word(*k), ZERO[1], ZERO[2]]));
+                    !watch.is_quiet()
+                })
+                .count()
+        };
+        assert_eq!(quiet(&mut watch, 0.04, 3000), 0);
+        assert!(quiet(&mut watch, 0.2, 3000) > 2900);
+        assert!((200..400).contains(&quiet(&mut watch, 0.0, 3000)), "forgotten with 0.26 s");
+        assert!(watch.is_quiet());
     }
 
     #[test]

@@ -201,6 +201,9 @@ fn an_encoder_that_jumps_loses_the_zero() {
     stops(&mut bench, Fault::EncoderJump { encoder: 2 }, 1);
     bench.ask(Command::ClearFault).unwrap();
     assert_eq!(bench.start(), Err(Refusal::NotZeroed));
+    // The links still swing on their belts, which the gyros see.
+    assert_eq!(bench.ask(Command::SetZero), Err(Refusal::NotQuiet));
+    bench.run(2000);
     bench.ask(Command::SetZero).unwrap();
     assert_eq!(bench.start(), Ok(()));
 }
