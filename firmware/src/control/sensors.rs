@@ -123,24 +123,31 @@ impl Sensors {
     /// joints rest.
     fn compare(&mut self, joints: &[Joint], steps: &[i32; MAX_JOINTS], strongest: Duty, moving: bool) {
         let at_rest = self.at_rest(joints);
-        let is_held = joints.iter().all(|joint| strongest.0.unsigned_abs() <= joint.drive.standing_duty.unsigned_abs());
         self.differs = None;
+        if !moving {
+            self.wait(at_rest);
+            return;
+        }
+        let is_held = joints.iter().all(|joint| strongest.0.unsigned_abs() <= joint.drive.standing_duty.unsigned_abs());
         self.judged = if self.judged + 1 < self.rotations.len() { self.judged + 1 } else { 0 };
         for (index, watch) in self.rotations.iter_mut().enumerate() {
             let words = (self.gyro_verdicts[index] == Verdict::Good).then_some(self.words[index]);
-            if moving {
-                if at_rest && is_held {
-                    watch.pauses(words);
-                }
-                watch.moves(words, steps);
-                if index == self.judged && watch.differs(&self.turns, &self.positions, strongest) {
-                    self.differs = Some(index as u8);
-                }
-            } else if at_rest {
-                watch.at_rest(words);
-            } else {
-                watch.begin_anew();
+            if at_rest && is_held {
+                watch.pauses(words);
             }
+            watch.moves(words, steps);
+            if index == self.judged && watch.differs(&self.turns, &self.positions, strongest) {
+                self.differs = Some(index as u8);
+            }
+        }
+    }
+
+    /// A tick without a motion.
+    #[inline(never)]
+    fn wait(&mut self, at_rest: bool) {
+        for (index, watch) in self.rotations.iter_mut().enumerate() {
+            let words = (self.gyro_verdicts[index] == Verdict::Good).then_some(self.words[index]);
+            if at_rest { watch.at_rest(words) } else { watch.begin_anew() }
         }
     }
 

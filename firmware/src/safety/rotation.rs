@@ -171,8 +171,10 @@ impl RotationWatch {
             self.rested = true;
         }
         self.take_zero(words);
-        let far = words.into_iter().zip(self.rest).map(|(word, rest)| (fine(word) - rest).abs()).max();
-        self.unrest = (self.unrest - (self.unrest >> REST_SHIFT)).max(far.unwrap_or_default());
+        self.unrest -= self.unrest >> REST_SHIFT;
+        for (word, rest) in words.into_iter().zip(self.rest) {
+            self.unrest = self.unrest.max((fine(word) - rest).abs());
+        }
     }
 
     /// Whether the body rests as well as the joints: a link that swings on its belts moves no encoder, and its words are
