@@ -237,7 +237,7 @@ impl Task<'_> {
         mut progress: impl FnMut(usize, &Iteration),
     ) -> Result<Fit, CalibrateError> {
         let Task { robot, .. } = *self;
-        let inner_iterations = if problem.fast.is_some() { 0 } else { INNER_ITERATIONS };
+        let inner_iterations = if problem.fast.is_some() && !problem.walks_sensors { 0 } else { INNER_ITERATIONS };
         let settings = &Settings { inner_iterations, ..self.settings.clone() };
         let model = problem.model;
         let structural = observability::structural(model, robot, problem.border());

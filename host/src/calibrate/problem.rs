@@ -42,6 +42,10 @@ pub struct Problem<'m> {
     pub(super) process_weight: Vec<f64>,
     /// Whether a channel is read after the tick's start, so that rows need the accelerations.
     late: bool,
+    /// The longest step.
+    longest_s: f64,
+    /// Whether rows of sensors are made by the generic walk: where they are late, or laws change what they read.
+    pub(super) walks_sensors: bool,
     /// Laws of effects that change what sensors read.
     pub(super) sensor_laws: SensorLaws,
     /// The kernel that makes four stages at once, where it covers the model and all readings are taken at the tick.
@@ -74,7 +78,8 @@ impl<'m> Problem<'m> {
         let rows = RowPlan::of(series, model, assumptions.gyro_rows);
         let late = rows.scalars.iter().any(|r| r.offset_s != 0.0) || rows.gyros.iter().any(|r| r.offset_s != 0.0);
         let sensor_laws = SensorLaws::of(model, border.gyros);
-        let fast = if late || sensor_laws.see_any() { None } else { Fast::of(model) };
+        let walks_sensors = late || sensor_laws.see_any();
+        let fast = Fast::of(model);
         let mut problem = Problem {
             model,
             series,
@@ -85,6 +90,8 @@ impl<'m> Problem<'m> {
             noise: noise.clone(),
             process_weight: Vec::new(),
             late,
+            longest_s: (0..series.stages()).map(|k| series.duration_s(k)).fold(0.0, f64::max),
+            walks_sensors,
             sensor_laws,
             fast,
         };
@@ -298,12 +305,18 @@ impl<'m> Problem<'m> {
 pub(super) const SHORTEST_REST: usize = 100;
 
 impl<'m> Problem<'m> {
-    /// Fills one stage by the generic walk.
-    fn linearise_stage(&self, point: &Point<'m>, k: usize, scratch: &mut Scratch, stage: &mut Stage) {
+    /// Adds the rows of one stage that are no transition by the generic walk.
+    fn linearise_readings(&self, point: &Point<'m>, k: usize, scratch: &mut Scratch, stage: &mut Stage) {
         let (size, joints) = (self.model.layout().size(), self.model.layout().chain());
-        stage.clear();
         self.sensor_rows(point, k, scratch, true, &mut |row| row.push(size, joints, stage));
         self.initial_rows(point, k, &mut |row| row.push(stage));
+    }
+
+    /// Fills one stage by the generic walk.
+    fn linearise_stage(&self, point: &Point<'m>, k: usize, scratch: &mut Scratch, stage: &mut Stage) {
+        let size = self.model.layout().size();
+        stage.clear();
+        self.linearise_readings(point, k, scratch, stage);
         if !self.linked(k) {
             return;
         }
@@ -325,11 +338,17 @@ impl<'m> Problem<'m> {
         }
     }
 
-    /// Σ r² of stage k by the generic walk.
-    fn stage_squares(&self, point: &Point<'m>, k: usize, scratch: &mut Scratch) -> f64 {
+    /// Σ r² of the rows of stage k that are no transition, by the generic walk.
+    fn reading_squares(&self, point: &Point<'m>, k: usize, scratch: &mut Scratch) -> f64 {
         let mut sum = 0.0;
         self.sensor_rows(point, k, scratch, false, &mut |row| sum += (row.weight * row.residual).powi(2));
         self.initial_rows(point, k, &mut |row| sum += row.residual * row.residual);
+        sum
+    }
+
+    /// Σ r² of stage k by the generic walk.
+    fn stage_squares(&self, point: &Point<'m>, k: usize, scratch: &mut Scratch) -> f64 {
+        let mut sum = self.reading_squares(point, k, scratch);
         if self.linked(k) {
             let next = self.next(point, k, scratch);
             for ((next, after), weight) in next.iter().zip(point.state(k + 1)).zip(&self.process_weight) {
@@ -358,6 +377,12 @@ impl<'m> Problem<'m> {
     ) {
         let input = self.input(point, k, &mut scratch.late_input);
         point.dynamics.derivative_with(x, input, links, xdot);
+    }
+
+    /// The fast kernel, if steps are made in one part: it knows no others.
+    fn kernel(&self, point: &Point<'m>) -> Option<&Fast> {
+        let is_whole = || self.assumptions.integrator.parts(&point.dynamics, self.longest_s) == 1;
+        self.fast.as_ref().filter(|_| is_whole())
     }
 
     /// Whether stage k is carried into stage k+1.
@@ -394,17 +419,27 @@ impl<'m> LeastSquares for Problem<'m> {
     }
 
     fn linearise(&self, point: &Point<'m>, first: usize, scratch: &mut Scratch, batch: &mut [Stage]) {
-        if let Some(fast) = &self.fast {
-            return self.linearise_wide(fast, point, first, &mut scratch.wide, batch);
-        }
-        for (k, stage) in (first..).zip(batch) {
-            self.linearise_stage(point, k, scratch, stage);
+        let Some(fast) = self.kernel(point) else {
+            for (k, stage) in (first..).zip(batch) {
+                self.linearise_stage(point, k, scratch, stage);
+            }
+            return;
+        };
+        self.linearise_wide(fast, point, first, &mut scratch.wide, batch);
+        if self.walks_sensors {
+            for (k, stage) in (first..).zip(batch) {
+                self.linearise_readings(point, k, scratch, stage);
+            }
         }
     }
 
     fn cost(&self, point: &Point<'m>, stages: Range<usize>, scratch: &mut Scratch) -> f64 {
-        if let Some(fast) = &self.fast {
-            return self.cost_wide(fast, point, stages, &mut scratch.wide);
+        if let Some(fast) = self.kernel(point) {
+            let by_kernel = self.cost_wide(fast, point, stages.clone(), &mut scratch.wide);
+            if !self.walks_sensors {
+                return by_kernel;
+            }
+            return by_kernel + 0.5 * stages.map(|k| self.reading_squares(point, k, scratch)).sum::<f64>();
         }
         0.5 * stages.map(|k| self.stage_squares(point, k, scratch)).sum::<f64>()
     }

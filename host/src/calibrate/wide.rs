@@ -1,4 +1,5 @@
 //! The rows of four stages at once, by the model's fast kernel. The same rows as the generic walk makes: a test holds one against the other.
+//! Where sensors are read late, or laws change what they read, only transitions are: their slopes take most of the time.
 
 use super::point::Point;
 use super::preset::GyroRows;
@@ -144,15 +145,9 @@ impl<const L: usize> Work for Batch<'_, '_, L> {
         self.scratch.gather(simd, (self.problem, self.point), self.first, self.count);
         let samples = Samples::<S, L>::new(simd, self.fast, &self.scratch.x);
         self.transitions(simd, &samples);
-        self.scalar_rows();
-        match self.problem.assumptions.gyro_rows {
-            GyroRows::RigidBase => self.rigid_base_rows(simd, &samples),
-            GyroRows::Chained => {
-                self.chained_rows(simd, &samples);
-                self.rest_rows();
-            }
+        if !self.problem.walks_sensors {
+            self.readings(simd, &samples);
         }
-        self.initial_rows();
         match self.sink {
             Sink::Stages(_) => 0.0,
             Sink::Squares(sum) => sum,
@@ -161,6 +156,20 @@ impl<const L: usize> Work for Batch<'_, '_, L> {
 }
 
 impl<const L: usize> Batch<'_, '_, L> {
+    /// All rows that are no transition.
+    #[inline(always)]
+    fn readings<S: Simd>(&mut self, simd: S, samples: &Samples<S, L>) {
+        self.scalar_rows();
+        match self.problem.assumptions.gyro_rows {
+            GyroRows::RigidBase => self.rigid_base_rows(simd, samples),
+            GyroRows::Chained => {
+                self.chained_rows(simd, samples);
+                self.rest_rows();
+            }
+        }
+        self.initial_rows();
+    }
+
     #[inline(always)]
     fn transitions<S: Simd>(&mut self, simd: S, samples: &Samples<S, L>) {
         let Batch { problem, fast, point, first, count, scratch, sink } = self;

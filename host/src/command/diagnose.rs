@@ -102,12 +102,13 @@ fn lines(diagnosis: &Diagnosis) -> Vec<String> {
         wrap(&mut lines, "", &format!("rejected: {law}: {}", rejected.why));
     }
     if let Some(left) = words::share(diagnosis.unexplained.excess, None) {
-        lines.push(format!("left over: {left} of what the base model left unexplained"));
+        lines.push(format!("left over that a curve shows: {left} of what the base model left unexplained"));
     }
     for defect in diagnosis.unexplained.places.iter().take(3) {
         let share = words::share(defect.share, None).map_or_else(String::new, |share| format!(": {share}"));
         wrap(&mut lines, INDENT, &format!("{}{share}", names.place(defect)));
     }
+    wrap(&mut lines, "", &words::still_missed(diagnosis, &names).unwrap_or_default());
     lines
 }
 
@@ -206,7 +207,7 @@ mod tests {
             "2. friction that differs",
             "together, on",
             "rejected:",
-            "left over: 70 %",
+            "left over that a curve shows: 70 %",
         ];
         assert!(order.map(place).is_sorted(), "{lines:#?}");
         assert!(lines.iter().any(|line| line.contains("28 % less error [21, 35]")), "{lines:#?}");

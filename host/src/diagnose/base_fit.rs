@@ -4,7 +4,7 @@ use super::result::{BaseFit, ChannelFit};
 use crate::calibrate::Calibration;
 
 /// Predictions within so many standard deviations of a sensor are at its own noise: a half more than the noise of the reading itself, which the state that they start from adds.
-const AT_NOISE: f64 = 1.5;
+pub const AT_NOISE: f64 = 1.5;
 
 /// What the base calibration and its predictions say. `gains` tells whether any law or curve gains out of sample.
 pub fn base_fit(calibration: &Calibration, ahead: Vec<(String, f64)>, gains: bool) -> BaseFit {

@@ -33,6 +33,7 @@ mod stability;
 mod stretch;
 mod yardstick;
 
+pub use base_fit::AT_NOISE;
 pub use block_scores::{LawScore, score_laws};
 pub use criteria::LEVEL;
 pub use interval::Gain;

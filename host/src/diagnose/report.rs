@@ -10,8 +10,8 @@ use super::interval::Gain;
 use super::plausibility::Plausibility;
 use super::refit::{Fitted, Refit};
 use super::result::{
-    Candidate, ChannelGain, Defect, Diagnosis, Finding, Flag, HoldoutGain, NotTestable, Picture, Rejected, Rival,
-    Unexplained, Verdict,
+    Candidate, ChannelFit, ChannelGain, Defect, Diagnosis, Finding, Flag, HoldoutGain, NotTestable, Picture, Rejected,
+    Rival, Unexplained, Verdict,
 };
 use super::selection::{Accepted, Selection, losses, share};
 use super::stability::{Stability, stability};
@@ -55,6 +55,17 @@ pub struct Judged {
     pub by_channel: Vec<ChannelGain>,
     /// Of the base model, half a second ahead, in standard deviations of the sensors.
     pub ahead_sigma: Vec<(String, f64)>,
+}
+
+impl Judged {
+    /// Of the extended model, half a second ahead, in standard deviations of the sensors.
+    fn extended_ahead_sigma(&self) -> Vec<ChannelFit> {
+        let of = |(channel, base): &(String, f64)| {
+            let gain = self.by_channel.iter().find(|gain| gain.horizon_s == 0.5 && gain.channel == *channel)?;
+            Some(ChannelFit { channel: channel.clone(), value: base * gain.rmse_extended / gain.rmse_base })
+        };
+        self.ahead_sigma.iter().filter_map(of).collect()
+    }
 }
 
 /// Asks the other motion, after the selection: of all findings, and of each by leaving it out. What harms its prediction for sure is no cause and leaves the selection, the most harmful
@@ -179,7 +190,8 @@ pub fn report(
         .flat_map(|curve| defects(curve, evidence.scale * curve.gain() / excess))
         .filter(|defect| defect.share >= LEAST_SHARE)
         .collect();
-    let unexplained = Unexplained { excess: (left_gain / excess).clamp(0.0, 1.0), places };
+    let ahead_500ms_sigma = judged.extended_ahead_sigma();
+    let unexplained = Unexplained { excess: (left_gain / excess).clamp(0.0, 1.0), ahead_500ms_sigma, places };
     let refused = selection.scan.iter().filter(|s| s.p_family < LEVEL && s.score.gain() > 0.0);
     if selection.accepted.is_empty() {
         rejected.extend(refused.clone().take(5).map(|s| Rejected {

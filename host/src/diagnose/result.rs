@@ -261,8 +261,11 @@ pub struct ChannelGain {
 /// What the extended model leaves over.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Unexplained {
-    /// Share of the base model's excess over pure noise.
+    /// Share of the base model's excess over pure noise that the best curve still explains.
     pub excess: f64,
+    /// Of the extended model, half a second ahead on the other motion, in standard deviations of the sensors; empty where nothing was found.
+    #[serde(default)]
+    pub ahead_500ms_sigma: Vec<ChannelFit>,
     /// Where it is: the joints of the best curve first.
     #[serde(rename = "where")]
     pub places: Vec<Defect>,

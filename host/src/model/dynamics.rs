@@ -156,6 +156,7 @@ impl<'m> Dynamics<'m> {
     }
 
     /// The links at a state.
+    #[inline(always)]
     pub fn links_at(&self, x: &[f64]) -> LinksAt {
         let m = self.model.layout.chain();
         let (q, qd) = (&x[..m], &x[m..2 * m]);
@@ -398,8 +399,10 @@ impl<'m> Dynamics<'m> {
 
 impl LinksAt {
     /// A = M + b of the rigid joints, factorised.
+    #[inline(always)]
     fn inertia(&self, m: usize, rigid_inertia: &[f64; MAX_JOINTS]) -> Inertia {
-        let mut matrix = self.mass;
+        let mut matrix = [0.0; MAX_JOINTS * MAX_JOINTS];
+        matrix[..m * m].copy_from_slice(&self.mass[..m * m]);
         for i in 0..m {
             matrix[i * m + i] += rigid_inertia[i];
         }

@@ -8,6 +8,8 @@ use crate::robot::chain::MAX_JOINTS;
 pub(super) struct Inertia([f64; MAX_JOINTS * MAX_JOINTS]);
 
 impl Inertia {
+    // In place of a call: returned by value, it would be copied as a whole, however few joints there are.
+    #[inline(always)]
     pub(super) fn factorise(n: usize, mut a: [f64; MAX_JOINTS * MAX_JOINTS]) -> Self {
         for i in 0..n {
             for j in 0..=i {
@@ -22,6 +24,7 @@ impl Inertia {
     }
 
     /// Solves A x = x in place.
+    #[inline]
     pub(super) fn solve(&self, n: usize, x: &mut [f64; MAX_JOINTS]) {
         let l = &self.0;
         for i in 0..n {

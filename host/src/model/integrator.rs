@@ -56,6 +56,14 @@ impl Integrator {
             Integrator::RungeKutta4 => &RUNGE_KUTTA_4,
         }
     }
+
+    /// Equal parts in which a step of this length is made.
+    pub fn parts(self, dynamics: &Dynamics<'_>, duration_s: f64) -> usize {
+        match self {
+            Integrator::Euler => 1,
+            Integrator::RungeKutta4 => dynamics.parts_of_step(duration_s),
+        }
+    }
 }
 
 impl Stepper {
@@ -86,7 +94,7 @@ impl Stepper {
         next: &mut [f64],
     ) {
         let input = input.into();
-        let parts = self.parts(dynamics, duration_s);
+        let parts = self.integrator.parts(dynamics, duration_s);
         if parts == 1 {
             self.part(dynamics, x, input, duration_s, next);
         } else {
@@ -100,14 +108,6 @@ impl Stepper {
             self.from = from;
         }
         next[dynamics.input_errors()].fill(0.0);
-    }
-
-    /// Equal parts of a step.
-    fn parts(&self, dynamics: &Dynamics<'_>, duration_s: f64) -> usize {
-        match self.integrator {
-            Integrator::Euler => 1,
-            Integrator::RungeKutta4 => dynamics.parts_of_step(duration_s),
-        }
     }
 
     fn part(&mut self, dynamics: &Dynamics<'_>, x: &[f64], input: Input<'_>, duration_s: f64, next: &mut [f64]) {
@@ -144,7 +144,7 @@ impl Stepper {
         out: &mut StepSlopes,
     ) {
         let input = input.into();
-        let parts = self.parts(dynamics, duration_s);
+        let parts = self.integrator.parts(dynamics, duration_s);
         self.part_slopes(dynamics, x, input, duration_s / parts as f64, out);
         if parts > 1 {
             let (mut of_part, mut from) = (std::mem::take(&mut self.of_part), std::mem::take(&mut self.from));

@@ -91,6 +91,7 @@ pub(crate) fn diagnosis(number: f64, text: &str) -> Diagnosis {
         }),
         unexplained: Unexplained {
             excess: number,
+            ahead_500ms_sigma: vec![ChannelFit { channel: "encoder2".into(), value: number }],
             places: vec![Defect { row: Row::Link, axis: Some(2), argument: "windup_rate".into(), share: number }],
         },
         not_testable: vec![NotTestable { effect: "gyro_lag".into(), why: format!("effect gyro_lag: {text}") }],

@@ -57,6 +57,9 @@ pub(super) fn left(diagnosis: &Diagnosis, names: &Names<'_>) -> Section {
             percent(left.excess)
         ));
     }
+    if let Some(still) = words::still_missed(diagnosis, names) {
+        section.prose(still);
+    }
     if left.places.is_empty() {
         section.prose("No curve of one argument explains enough of it to name its place.");
     } else {

@@ -1,7 +1,7 @@
 //! What pages and the terminal say of a diagnosis: joints by name, laws by title, gains with intervals.
 
 use crate::calibrate::ParameterEstimate;
-use crate::diagnose::{Defect, Diagnosis, Finding, Gain, Stability};
+use crate::diagnose::{AT_NOISE, Defect, Diagnosis, Finding, Gain, Stability};
 use crate::effect::{Effect, Row};
 use crate::report::number::{percent, prefixed, significant, with_error};
 use crate::robot::Robot;
@@ -128,6 +128,19 @@ pub fn in_order(diagnosis: &Diagnosis) -> Vec<&Finding> {
 /// What the model lacks: the summary less what it says of the fit.
 pub fn why(diagnosis: &Diagnosis) -> &str {
     diagnosis.summary.strip_prefix(&diagnosis.base_fit.sentence).unwrap_or(&diagnosis.summary).trim()
+}
+
+/// What all causes together do not mend: the sensor that is missed by most half a second ahead, where that is beyond its noise.
+pub fn still_missed(diagnosis: &Diagnosis, names: &Names<'_>) -> Option<String> {
+    let ahead = diagnosis.unexplained.ahead_500ms_sigma.iter().filter(|fit| fit.value.is_finite());
+    let worst = ahead.max_by(|a, b| a.value.total_cmp(&b.value)).filter(|worst| worst.value > AT_NOISE)?;
+    let channel = names.channel(&worst.channel);
+    let nowhere =
+        if diagnosis.unexplained.places.is_empty() { ", and no curve of one joint's quantities shows why" } else { "" };
+    Some(format!(
+        "With all causes in the model, {channel} is still missed by {:.1} standard deviations of the sensor half a second ahead{nowhere}.",
+        worst.value
+    ))
 }
 
 /// Who was not seen by any fit.
