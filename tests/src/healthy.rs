@@ -91,7 +91,6 @@ pub fn outcome(case: &Case) -> Outcome {
         for (nearest, now) in nearest.iter_mut().zip([stuck, wrong_way, rotation]) {
             *nearest = nearest.max(now);
         }
-        if rotation > 0.6 {}
         assert!(session.ticks - started < LONGEST, "{case:?}: the motion does not end");
     };
     let end = match end {
