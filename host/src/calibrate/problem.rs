@@ -48,7 +48,7 @@ pub struct Problem<'m> {
     pub(super) walks_sensors: bool,
     /// Laws of effects that change what sensors read.
     pub(super) sensor_laws: SensorLaws,
-    /// The kernel that makes four stages at once, where it covers the model and all readings are taken at the tick.
+    /// The kernel that makes four stages at once, where it covers the model.
     pub(super) fast: Option<Fast>,
 }
 

@@ -1,7 +1,7 @@
 //! What a selection found as users read it: findings with their evidence, what was rejected, verdict, places of what is left, pictures of the defect, one sentence.
 
 use super::axes::{axes, is_of, joint_of};
-use super::base_fit::base_fit;
+use super::base_fit::{base_fit, channel_fits};
 use super::criteria::{IMPLAUSIBLE, LEAST_SHARE, LEVEL, WEIGHT};
 use super::cross_validation::left_out_steps;
 use super::curves::{Argument, Curves, Shape, Target};
@@ -10,8 +10,8 @@ use super::interval::Gain;
 use super::plausibility::Plausibility;
 use super::refit::{Fitted, Refit};
 use super::result::{
-    Candidate, ChannelFit, ChannelGain, Defect, Diagnosis, Finding, Flag, HoldoutGain, NotTestable, Picture, Rejected,
-    Rival, Unexplained, Verdict,
+    Candidate, ChannelGain, Defect, Diagnosis, Finding, Flag, HoldoutGain, NotTestable, Picture, Rejected, Rival,
+    Unexplained, Verdict,
 };
 use super::selection::{Accepted, Selection, losses, share};
 use super::stability::{Stability, stability};
@@ -55,17 +55,8 @@ pub struct Judged {
     pub by_channel: Vec<ChannelGain>,
     /// Of the base model, half a second ahead, in standard deviations of the sensors.
     pub ahead_sigma: Vec<(String, f64)>,
-}
-
-impl Judged {
-    /// Of the extended model, half a second ahead, in standard deviations of the sensors.
-    fn extended_ahead_sigma(&self) -> Vec<ChannelFit> {
-        let of = |(channel, base): &(String, f64)| {
-            let gain = self.by_channel.iter().find(|gain| gain.horizon_s == 0.5 && gain.channel == *channel)?;
-            Some(ChannelFit { channel: channel.clone(), value: base * gain.rmse_extended / gain.rmse_base })
-        };
-        self.ahead_sigma.iter().filter_map(of).collect()
-    }
+    /// Of the model with all findings.
+    pub extended_ahead_sigma: Vec<(String, f64)>,
 }
 
 /// Asks the other motion, after the selection: of all findings, and of each by leaving it out. What harms its prediction for sure is no cause and leaves the selection, the most harmful
@@ -143,6 +134,7 @@ fn evaluate(
     }
     if let Some(extended) = extended {
         judged.by_channel = holdout.by_channel(base, &extended);
+        judged.extended_ahead_sigma = holdout.ahead_sigma(&extended);
         let joint = holdout.gain(base, &extended);
         judged.all = Some(HoldoutGain {
             share: joint.share,
@@ -190,7 +182,7 @@ pub fn report(
         .flat_map(|curve| defects(curve, evidence.scale * curve.gain() / excess))
         .filter(|defect| defect.share >= LEAST_SHARE)
         .collect();
-    let ahead_500ms_sigma = judged.extended_ahead_sigma();
+    let ahead_500ms_sigma = channel_fits(judged.extended_ahead_sigma);
     let unexplained = Unexplained { excess: (left_gain / excess).clamp(0.0, 1.0), ahead_500ms_sigma, places };
     let refused = selection.scan.iter().filter(|s| s.p_family < LEVEL && s.score.gain() > 0.0);
     if selection.accepted.is_empty() {
