@@ -41,6 +41,16 @@ pub enum ConfigError {
         /// Which joint, from 0.
         joint: usize,
     },
+    /// An angle by which belts give way that is negative, not a number, or beyond a turn.
+    Belts {
+        /// Which gyro, from 0.
+        gyro: usize,
+    },
+    /// What a joint carries, or the time for which its belt holds it, is negative or not a number.
+    Carried {
+        /// Which joint, from 0.
+        joint: usize,
+    },
     /// A range that is empty or not a number.
     Limits {
         /// Which joint, from 0.
@@ -66,10 +76,16 @@ pub struct JointSetup {
     pub max_duty: Duty,
     /// Time constant of the speed at zero duty, s: (motor + link inertia) / back-EMF constant.
     pub coast_s: f32,
+    /// Time for which its belt, at the top of a swing, may hold the motor at a standstill against full duty, s:
+    /// 4 √(friction / torque at full duty) / rate of the swing. The largest over all poses.
+    pub held_s: f32,
+    /// By joint: torque that an acceleration of the joint's link puts on this joint, over this joint's torque at full
+    /// duty, s². The largest over all poses.
+    pub carried_s2: [f32; MAX_JOINTS],
 }
 
 impl JointSetup {
-    /// A joint with this range and axis, and Doggy's dynamics.
+    /// A joint with this range and axis, the dynamics of Doggy's motors, and nothing that it carries.
     pub const fn new(limits: Limits, axis: Axis) -> Self {
         JointSetup {
             limits,
@@ -77,6 +93,8 @@ impl JointSetup {
             max_duty: Duty(constants::MAX_DUTY),
             standing_duty: Duty(constants::STANDING_DUTY),
             coast_s: constants::COAST_S,
+            held_s: 0.0,
+            carried_s2: [0.0; MAX_JOINTS],
         }
     }
 }
@@ -89,6 +107,11 @@ pub struct GyroSetup {
     /// Rotation that takes vectors in axes of the base, all joints at zero, to the gyro's own axes. A few degrees do not
     /// matter.
     pub mount: [[f32; 3]; 3],
+    /// Angle by which the belts before it give way together while full duty accelerates the robot, rad. The largest over
+    /// all poses.
+    pub give_rad: f32,
+    /// The same under gravity, from one pose to another, rad.
+    pub sag_rad: f32,
 }
 
 /// A joint in the loop's raw codes.
@@ -140,8 +163,13 @@ impl Config {
         let count = |n: usize| u8::try_from(n).unwrap_or(u8::MAX);
         let layout =
             Layout::new(count(joints.len()), count(encoders.len()), count(gyros.len())).map_err(ConfigError::Layout)?;
-        let mut bounds = [EncoderBounds { max_step_counts: i32::MAX, standing_duty: 0, stuck_push: 0, stale_ticks: 0 };
-            MAX_ENCODERS];
+        let mut bounds = [EncoderBounds {
+            max_step_counts: i32::MAX,
+            standing_duty: 0,
+            stuck_push: 0,
+            held_push_squared: 0,
+            stale_ticks: 0,
+        }; MAX_ENCODERS];
         for (index, (encoder, bounds)) in encoders.iter().zip(&mut bounds).enumerate() {
             let scale = counts_per_unit(encoder);
             if !(scale.is_normal() && scale > 0.0) {
@@ -153,22 +181,33 @@ impl Config {
                 max_step_counts: (step as i32).max(2),
                 standing_duty: setup.map_or(i16::MAX, |setup| setup.standing_duty.0),
                 stuck_push: setup.map_or(0, |setup| stuck_push(scale, setup.coast_s)),
+                held_push_squared: setup.map_or(0, |setup| held_push_squared(setup.held_s)),
                 stale_ticks: constants::ENCODER_STALE_TICKS,
             };
         }
         for (index, gyro) in gyros.iter().enumerate() {
-            let GyroSetup { info, mount } = gyro;
+            let GyroSetup { info, mount, give_rad, sag_rad } = gyro;
             if !(info.rad_s_per_lsb.is_normal() && (0.0..1.0).contains(&info.rad_s_per_lsb)) {
                 return Err(ConfigError::GyroScale { gyro: index });
             }
             if !mount.iter().all(is_unit) {
                 return Err(ConfigError::Mount { gyro: index });
             }
+            if ![give_rad, sag_rad].iter().all(|rad| (0.0..=core::f32::consts::TAU).contains(*rad)) {
+                return Err(ConfigError::Belts { gyro: index });
+            }
         }
-        let mut loop_joints = Vec::new();
+        let mut loop_joints = Vec::<Joint, MAX_JOINTS>::new();
         for (index, setup) in joints.iter().enumerate() {
             // `Layout::new` has bounded the joints by MAX_JOINTS, so the push fits.
             let _ = loop_joints.push(joint(index, setup, encoders)?);
+        }
+        let mut scales = [f32::INFINITY; MAX_JOINTS];
+        for (scale, joint) in scales.iter_mut().zip(&loop_joints) {
+            *scale = joint.counts_per_unit;
+        }
+        for (joint, setup) in loop_joints.iter_mut().zip(joints) {
+            joint.drive.carry(&setup.carried_s2, &scales);
         }
         let hello = Hello {
             identity: Identity::ours(env!("CARGO_PKG_VERSION"), robot),
@@ -240,6 +279,13 @@ fn stuck_push(counts_per_unit: f32, coast_s: f32) -> u32 {
     constants::MOVING_PUSH.max((ms * f32::from(Duty::FULL)) as u32)
 }
 
+/// The square of the push for which a belt may hold its motor, for each step of the duty: (time · full duty)² / full duty.
+fn held_push_squared(held_s: f32) -> u64 {
+    let ticks = held_s * 1e6 / constants::TICK_US as f32;
+    // The cast ends at the largest number.
+    (ticks * ticks * f32::from(Duty::FULL)) as u64
+}
+
 fn is_unit(vector: &[f32; 3]) -> bool {
     (0.99..1.01).contains(&vector.iter().map(|part| part * part).sum::<f32>())
 }
@@ -256,6 +302,9 @@ fn joint(index: usize, setup: &JointSetup, encoders: &[EncoderInfo]) -> Result<J
         return Err(ConfigError::Axis { joint: index });
     }
     let on_motor = |e: &EncoderInfo| usize::from(e.joint) == index && e.side == Side::Motor;
+    if !setup.carried_s2.iter().chain([&setup.held_s]).all(|number| (0.0..f32::INFINITY).contains(number)) {
+        return Err(ConfigError::Carried { joint: index });
+    }
     let encoder = encoders.iter().position(on_motor).ok_or(ConfigError::NoMotorEncoder { joint: index })?;
     let scale = counts_per_unit(&encoders[encoder]);
     let range = (max - min) * scale;
@@ -278,6 +327,7 @@ fn joint(index: usize, setup: &JointSetup, encoders: &[EncoderInfo]) -> Result<J
             standing_duty: setup.standing_duty.0,
             moving_counts_per_s: (constants::QUIET_SPEED_PER_S * scale) as u32,
             wrong_way_push: constants::MOVING_PUSH,
+            carried: [0; MAX_JOINTS],
         },
         turn: Turn::new(setup.axis, scale),
     })
@@ -324,6 +374,8 @@ mod tests {
         let gyro = GyroSetup {
             info: GyroInfo { body: 0, rad_s_per_lsb: 5e-4, saturated_at: 32_700, offset_us: 0 },
             mount: [[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
+            give_rad: 0.1,
+            sag_rad: 0.0,
         };
         let with = |gyro: GyroSetup| Config::new("r", &[joint], &[motor], &[gyro]).err();
         assert_eq!(with(gyro), None);
@@ -335,6 +387,14 @@ mod tests {
         for axis in [[0.0, 0.0, 0.98], [0.8, 0.8, 0.0], [f32::NAN, 0.0, 1.0]] {
             let bent = JointSetup { axis: Axis::Turns(axis), ..joint };
             assert_eq!(refused(&[bent], &[motor]), Some(ConfigError::Axis { joint: 0 }));
+        }
+        for rad in [-0.1, 7.0, f32::NAN] {
+            assert_eq!(with(GyroSetup { give_rad: rad, ..gyro }), Some(ConfigError::Belts { gyro: 0 }));
+            assert_eq!(with(GyroSetup { sag_rad: rad, ..gyro }), Some(ConfigError::Belts { gyro: 0 }));
+        }
+        for s2 in [-0.1, f32::INFINITY, f32::NAN] {
+            let carries = JointSetup { carried_s2: [s2; MAX_JOINTS], ..joint };
+            assert_eq!(refused(&[carries], &[motor]), Some(ConfigError::Carried { joint: 0 }));
         }
         let endless = JointSetup { coast_s: f32::INFINITY, ..joint };
         assert_eq!(refused(&[endless], &[motor]), Some(ConfigError::Coast { joint: 0 }));

@@ -38,6 +38,8 @@ pub(super) struct Sensors {
     wrong_way: Option<u8>,
     differs: Option<u8>,
     speed: [Speed; MAX_JOINTS],
+    /// Speeds of the joints lately, counts/s.
+    fastest: [u32; MAX_JOINTS],
     /// Last counts of every encoder.
     pub counts: [i32; MAX_ENCODERS],
     /// Last words of every gyro.
@@ -72,6 +74,7 @@ impl Sensors {
             wrong_way: None,
             differs: None,
             speed: [Speed::default(); MAX_JOINTS],
+            fastest: [0; MAX_JOINTS],
             counts: [0; MAX_ENCODERS],
             words: [[0; 3]; MAX_GYROS],
             zero: None,
@@ -109,8 +112,9 @@ impl Sensors {
             steps[index] = position.wrapping_sub(self.positions[index]);
             self.positions[index] = position;
             self.speeds[index] = self.speed[index].update(position);
-            let duty = in_force[index].0;
-            if self.drives[index].is_wrong_way(self.speeds[index], duty) && self.wrong_way.is_none() {
+            let (speed, duty) = (self.speeds[index], in_force[index].0);
+            let is_wrong_way = self.drives[index].is_wrong_way(speed, duty, index, &mut self.fastest);
+            if is_wrong_way && self.wrong_way.is_none() {
                 self.wrong_way = Some(index as u8);
             }
         }

@@ -12,6 +12,9 @@ pub struct EncoderBounds {
     /// Push, the sum over ticks of the duty beyond `standing_duty` in one direction, steps · ticks, under which the
     /// count must have moved by more than [`STILL_COUNTS`]; 0: never.
     pub stuck_push: u32,
+    /// Square of the push for which a belt that swings may hold the motor at a standstill, for each step of the largest
+    /// duty in it, (steps · ticks)² / step.
+    pub held_push_squared: u64,
     /// Ticks without a reading after which the encoder does not answer.
     pub stale_ticks: u16,
 }
@@ -70,6 +73,9 @@ pub enum Verdict {
 ///
 /// What moves a joint is the push in one direction: a duty that alternates faster than the joint can follow adds up to
 /// nothing, and carries it nowhere.
+///
+/// A belt at the top of its swing may hold a motor against its duty u: while its torque u τ cos ω t is within twice the
+/// friction μ of the motor's, friction does the rest. That takes 4 √(μ / u τ) / ω, a push of 4 √(u μ / τ) / ω.
 #[derive(Clone, Copy, Debug)]
 pub struct EncoderWatch {
     bounds: EncoderBounds,
@@ -78,13 +84,15 @@ pub struct EncoderWatch {
     anchor: i32,
     /// Duty beyond the standing duty, summed over ticks, steps; with its sign.
     push: i64,
+    /// Largest duty in this push, magnitude.
+    strongest: u16,
     missing: u16,
 }
 
 impl EncoderWatch {
     /// Nothing seen yet.
     pub const fn new(bounds: EncoderBounds) -> Self {
-        EncoderWatch { bounds, last: None, anchor: 0, push: 0, missing: 0 }
+        EncoderWatch { bounds, last: None, anchor: 0, push: 0, strongest: 0, missing: 0 }
     }
 
     /// Takes the counts of this tick, or `None` if there are none, and the duty (steps of 10⁻⁴) that drives
@@ -108,18 +116,24 @@ impl EncoderWatch {
 
     /// The present push, as a part of that under which the count must have moved.
     pub fn nearness(&self) -> f32 {
-        self.push.unsigned_abs() as f32 / self.bounds.stuck_push.max(1) as f32
+        let held = self.bounds.held_push_squared.saturating_mul(self.strongest.into()).isqrt();
+        self.push.unsigned_abs() as f32 / held.max(self.bounds.stuck_push.into()).max(1) as f32
     }
 
     fn is_stuck(&mut self, counts: i32, duty_in_force: i16) -> bool {
         let added = i64::from(excess(duty_in_force, self.bounds.standing_duty));
         let moved = counts.wrapping_sub(self.anchor).unsigned_abs() > STILL_COUNTS;
         if moved || added == 0 || added.signum() != self.push.signum() {
-            (self.anchor, self.push) = (counts, added);
+            (self.anchor, self.push, self.strongest) = (counts, added, 0);
         } else {
             self.push = self.push.saturating_add(added);
         }
-        self.bounds.stuck_push > 0 && self.push.unsigned_abs() >= u64::from(self.bounds.stuck_push)
+        self.strongest = self.strongest.max(duty_in_force.unsigned_abs());
+        let push = self.push.unsigned_abs();
+        self.bounds.stuck_push > 0 && push >= u64::from(self.bounds.stuck_push) && {
+            let held = self.bounds.held_push_squared.saturating_mul(self.strongest.into());
+            push.saturating_mul(push) >= held
+        }
     }
 }
 
@@ -192,8 +206,13 @@ impl GyroWatch {
 mod tests {
     use super::*;
 
-    const ENCODER: EncoderBounds =
-        EncoderBounds { max_step_counts: 200, standing_duty: 600, stuck_push: 135_000, stale_ticks: 3 };
+    const ENCODER: EncoderBounds = EncoderBounds {
+        max_step_counts: 200,
+        standing_duty: 600,
+        stuck_push: 135_000,
+        held_push_squared: 0,
+        stale_ticks: 3,
+    };
     const GYRO: GyroBounds = GyroBounds { stale_ticks: 3, stuck_ticks: 50, saturated_ticks: 20, max_word: 32_767 };
 
     #[test]
@@ -220,6 +239,19 @@ mod tests {
             assert_eq!(stuck_after(-1500, count), Some(150), "0.09 · 150 ms = 13.5 ms");
             assert_eq!(stuck_after(600, count), None, "friction may hold it");
         }
+    }
+
+    /// A belt that holds the motor for a push of 25 ms at full duty.
+    #[test]
+    fn a_count_that_a_belt_may_hold_is_stuck_later() {
+        let held = EncoderBounds { held_push_squared: 250_000 * 250_000 / 10_000, ..ENCODER };
+        let stuck_after = |duty| {
+            let mut watch = EncoderWatch::new(held);
+            watch.check(Some(7), 0);
+            (1..=1000).find(|_| watch.check(Some(7), duty) == Verdict::Stuck)
+        };
+        assert_eq!(stuck_after(9000), Some(29), "25 ms · √0.9 at 0.84");
+        assert_eq!(stuck_after(1500), Some(150), "25 ms · √0.15 are less than 13.5 ms");
     }
 
     #[test]

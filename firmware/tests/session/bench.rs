@@ -72,14 +72,23 @@ impl Bench {
     fn with(plant: Plant, stop_test: bool) -> Self {
         let n = plant.joints.len();
         let limits: Vec<_> = [1.0, 0.6, 0.6][..n].iter().map(|max| Limits { min: -max, max: *max }).collect();
-        let setup = |(limits, axis): (&Limits, [f32; 3])| JointSetup::new(*limits, Axis::Turns(axis));
-        let setups: Vec<_> = limits.iter().zip(AXES).map(setup).collect();
+        let setup = |(joint, limits): (usize, &Limits)| {
+            let mut setup = JointSetup::new(*limits, Axis::Turns(AXES[joint]));
+            let described = &plant.described[joint];
+            (setup.coast_s, setup.held_s) = (described.coast_s(), described.held_s());
+            setup.carried_s2[joint] = described.carried_s2();
+            setup
+        };
+        let setups: Vec<_> = limits.iter().enumerate().map(setup).collect();
         let encoder =
             |joint| EncoderInfo { joint, side: Side::Motor, counts_per_turn: 1024, gear: 42.092, offset_us: 0 };
         let encoders: Vec<_> = (0..n as u8).map(encoder).collect();
         let gyro = |body| {
             let info = GyroInfo { body, rad_s_per_lsb: RAD_S_PER_LSB, saturated_at: 32_767, offset_us: 20 };
-            GyroSetup { info, mount: ALONG }
+            // The axes are at right angles.
+            let give_rad =
+                plant.described[..=usize::from(body)].iter().map(|joint| joint.give_rad().powi(2)).sum::<f32>().sqrt();
+            GyroSetup { info, mount: ALONG, give_rad, sag_rad: 0.0 }
         };
         let mut config = Config::new("bench", &setups, &encoders, &[gyro(0), gyro(n as u8 - 1)]).unwrap();
         config.stop_test(stop_test);

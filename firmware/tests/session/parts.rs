@@ -20,7 +20,7 @@ fn config(joints: usize) -> Config {
     let encoder = |joint| EncoderInfo { joint, side: Side::Motor, counts_per_turn: 1024, gear: 42.092, offset_us: 0 };
     let encoders: Vec<_> = (0..joints as u8).map(encoder).collect();
     let info = GyroInfo { body: 0, rad_s_per_lsb: 2.2777e-3, saturated_at: 32_767, offset_us: 20 };
-    let gyro = GyroSetup { info, mount: ALONG };
+    let gyro = GyroSetup { info, mount: ALONG, give_rad: 0.1, sag_rad: 0.0 };
     Config::new("parts", &setups, &encoders, &[gyro]).unwrap()
 }
 

@@ -14,6 +14,7 @@ use protocol::motion::Limits;
 use protocol::{Duty, MAX_JOINTS, ResetReason, State};
 
 use super::chip::{Bmi323Chip, BoardClock, Icm42688pChip, Shared};
+use super::loads::Loads;
 use super::microcontroller::Microcontroller;
 use super::world::{GyroChip, World};
 use super::{SimulateError, Truth};
@@ -200,6 +201,7 @@ fn config(robot: &Robot, world: &World) -> Result<Config, SimulateError> {
     let n = robot.joints.len();
     let mut mass = vec![0.0; n * n];
     robot.chain().mass_matrix(&vec![0.0; n], &mut mass);
+    let loads = Loads::of(robot, &nominal);
     let joints: Vec<JointSetup> = robot
         .joints
         .iter()
@@ -213,13 +215,27 @@ fn config(robot: &Robot, world: &World) -> Result<Config, SimulateError> {
             };
             // (motor + link inertia) / back-EMF
             let coast_s = (value(Symbol::B) + mass[j * n + j]) / value(Symbol::KMi);
-            JointSetup { coast_s: coast_s as f32, ..JointSetup::new(limits, axis) }
+            // What no motor can hold stands at no duty.
+            let standing = (loads.standing[j] * f64::from(Duty::FULL)).min(f64::from(Duty::FULL)) as i16;
+            let mut carried_s2 = [0.0; MAX_JOINTS];
+            for (carried, s2) in carried_s2.iter_mut().zip(&loads.carried_s2[j]) {
+                *carried = *s2 as f32;
+            }
+            let usual = JointSetup::new(limits, axis);
+            let standing_duty = usual.standing_duty.max(Duty(standing));
+            JointSetup { coast_s: coast_s as f32, standing_duty, held_s: loads.held_s[j] as f32, carried_s2, ..usual }
         })
         .collect();
     let gyros: Vec<GyroSetup> = robot
         .gyros()
         .zip(world.gyro_infos())
-        .map(|(gyro, info)| GyroSetup { info: *info, mount: gyro.rotation.map(|row| in_base(robot, gyro.body, row)) })
+        .enumerate()
+        .map(|(index, (gyro, info))| GyroSetup {
+            info: *info,
+            mount: gyro.rotation.map(|row| in_base(robot, gyro.body, row)),
+            give_rad: loads.give_rad[index] as f32,
+            sag_rad: loads.sag_rad[index] as f32,
+        })
         .collect();
     Config::new(&robot.name, &joints, &world.encoder_infos(), &gyros)
         .map_err(|error| SimulateError::Unsuited { reason: format!("the firmware cannot run this robot: {error:?}") })
