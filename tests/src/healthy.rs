@@ -1,7 +1,7 @@
-//! Does safety stop a robot that has nothing? Robots drawn at random play the calibration under the firmware's control core,
+//! Does safety stop a robot that has nothing? Robots drawn at random play their motion under the firmware's control core,
 //! with every watch and limit.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use firmware::Nearness;
 use firmware::motion::preset;
@@ -20,9 +20,55 @@ const LONGEST: u32 = 150_000;
 /// Every second robot is shaken as much as the study of intervals shakes.
 const PROCESS_NOISE: f64 = 1.0;
 
+/// What is played on which description.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Machine {
+    /// The built-in robot, with the calibration.
+    Doggy,
+    /// One joint with a soft belt, with the validation, which is hard on it.
+    OneJoint,
+    /// Seven joints whose links are heavier than their motors, with their own motion.
+    Arm7,
+}
+
+impl Machine {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Doggy, Self::OneJoint, Self::Arm7];
+
+    /// Its name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Doggy => "doggy",
+            Self::OneJoint => "one_joint",
+            Self::Arm7 => "arm7",
+        }
+    }
+
+    fn robot(self) -> Robot {
+        let given = |name: &str| PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("robots").join(name);
+        match self {
+            Self::Doggy | Self::OneJoint => Robot::builtin(self.name()),
+            Self::Arm7 => Robot::load(&given("arm7.toml").display().to_string()),
+        }
+        .expect("the description is valid")
+    }
+
+    fn motion(self, robot: &Robot) -> Motion {
+        let limits = joint_limits(robot);
+        match self {
+            Self::Doggy => preset::calibration(&limits),
+            Self::OneJoint => preset::validation(&limits),
+            Self::Arm7 => toml::from_str(include_str!("../robots/arm7_motion.toml")).expect("the motion file is valid"),
+        }
+    }
+}
+
 /// A robot.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Case {
+    /// What it is.
+    pub machine: Machine,
     /// Draws parameters, mounts and noise.
     pub seed: u64,
     /// What it has besides, and how much of it.
@@ -51,23 +97,24 @@ impl Outcome {
 }
 
 /// Robots with nothing hidden.
-pub fn healthy(first: u64, seeds: u64) -> Vec<Case> {
-    (first..first + seeds).map(|seed| Case { seed, effect: None }).collect()
+pub fn healthy(machine: Machine, first: u64, seeds: u64) -> Vec<Case> {
+    (first..first + seeds).map(|seed| Case { machine, seed, effect: None }).collect()
 }
 
-/// A robot with each effect of the catalogue, at its medium and its large size.
+/// The built-in robot with each effect of the catalogue, at its medium and its large size.
 pub fn with_effects(seed: u64) -> Vec<Case> {
-    let case = |id: &str, size: &str| Case { seed, effect: Some((id.to_owned(), size.to_owned())) };
+    let case =
+        |id: &str, size: &str| Case { machine: Machine::Doggy, seed, effect: Some((id.to_owned(), size.to_owned())) };
     CATALOGUE.iter().flat_map(|effect| ["medium", "large"].map(|size| case(effect.id, size))).collect()
 }
 
-/// Plays the calibration.
+/// Plays its motion.
 ///
 /// # Panics
-/// If the built-in robot cannot be simulated, or the firmware refuses the motion: then there is nothing to measure.
+/// If the robot cannot be simulated, or the firmware refuses the motion: then there is nothing to measure.
 pub fn outcome(case: &Case) -> Outcome {
-    let robot = Robot::builtin("doggy").expect("the built-in robot is valid");
-    let motion = preset::calibration(&joint_limits(&robot));
+    let robot = case.machine.robot();
+    let motion = case.machine.motion(&robot);
     let mut options = Options { seed: case.seed, ..Options::new(robot.clone()) };
     options.process_noise = if case.seed.is_multiple_of(2) { PROCESS_NOISE } else { 0.0 };
     if let Some((id, size)) = &case.effect {
@@ -75,8 +122,8 @@ pub fn outcome(case: &Case) -> Outcome {
         let size = Size::parse(effect.id, size).expect("sizes have names");
         options.effects.push(EffectChoice { effect, size });
     }
-    let Drawn { world, .. } = Drawn::new(&options).expect("the built-in robot can be simulated");
-    let mut session = Session::new(Board::new(&robot, world).expect("the firmware runs the built-in robot"));
+    let Drawn { world, .. } = Drawn::new(&options).expect("the robot can be simulated");
+    let mut session = Session::new(Board::new(&robot, world).expect("the firmware runs the robot"));
     session.run(300);
     session.ask(Command::SetZero);
     session.upload(&motion);
