@@ -105,8 +105,9 @@ impl CaptureError {
                  what was recorded until then"
             }
             Self::Stopped { end: MotionEnd::Fault(Fault::RotationMismatch { .. }), .. } => {
-                "check the encoders' wires, counts per turn and gears, the belts for slip, and the gyro's axes and range in the \
-                 firmware's robot; the file holds what was recorded until then"
+                "was the robot in its marked pose when its zero was set? Check the encoders' wires, counts per turn and gears, \
+                 the belts for slip, and the gyro's axes and range in the firmware's robot; the file holds what was recorded \
+                 until then"
             }
             Self::Stopped { .. } => "remove the cause and record again; the file holds what was recorded until then",
             Self::Endless { .. } => {
