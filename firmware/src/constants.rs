@@ -23,9 +23,9 @@ pub const COMMAND_QUEUE: usize = 4;
 pub const STANDING_DUTY: i16 = 450;
 /// Push (duty beyond the standing duty, summed over ticks in one direction) that moves every joint, steps · ticks: 19 ms
 /// at a duty of 0.90, 150 ms at 0.15. An encoder whose count has not moved under it is stuck; a joint that goes against
-/// it, and has not slowed down under it, goes the wrong way. How near healthy robots come, at the reversals of the fastest
-/// chirp, the program `healthy` of the crate `tests` prints. Half of it stops them there; twice lets a joint run 0.09 rad
-/// further in the slow stage.
+/// it, and has not slowed down under it, goes the wrong way. Where belts may hold a motor for longer, or links pull it, the
+/// bound is larger by the robot's own figures. How near healthy robots come the program `healthy` of the crate `tests`
+/// prints; twice lets a joint run 0.09 rad further in the slow stage.
 pub const MOVING_PUSH: u32 = 157_500;
 /// Where an encoder is so coarse that a healthy joint needs longer for [`STILL_COUNTS`](crate::safety::STILL_COUNTS): the
 /// push gets so many times that which moves it by them from rest without friction. Doggy's encoders would get 14 ms.
@@ -45,8 +45,8 @@ pub const ZERO_DRIFT_RAD_S: f64 = 0.05;
 /// data sheets, and 1° of its mount makes as much again; of the way, which sums all axes, the half goes in one direction.
 pub const ROTATION_DIFFERS_OF_WAY: u32 = 200;
 /// What is added to that part at full duty, 10⁻⁴: the belts' swings about several axes. Healthy robots differ by 4 % of the
-/// way in a chirp of all joints at a duty of 0.9. Half of it leaves such a chirp no margin; with twice lost counts are found
-/// 0.1 rad later in the fast stage.
+/// way in a chirp of all joints at a duty of 0.9, and belts give way by more on top. How near they come the program `healthy`
+/// prints.
 pub const ROTATION_DIFFERS_AT_FULL_DUTY: u32 = 250;
 /// Ticks without a reading after which an encoder on a bus does not answer.
 pub const ENCODER_STALE_TICKS: u16 = 3;
