@@ -25,7 +25,7 @@ pub const STANDING_DUTY: i16 = 450;
 /// at a duty of 0.90, 150 ms at 0.15. An encoder whose count has not moved under it is stuck; a joint that goes against
 /// it, and has not slowed down under it, goes the wrong way. Where belts may hold a motor for longer, or links pull it, the
 /// bound is larger by the robot's own figures. How near healthy robots come the program `healthy` of the crate `tests`
-/// prints; twice lets a joint run 0.09 rad further in the slow stage.
+/// prints.
 pub const MOVING_PUSH: u32 = 157_500;
 /// Where an encoder is so coarse that a healthy joint needs longer for [`STILL_COUNTS`](crate::safety::STILL_COUNTS): the
 /// push gets so many times that which moves it by them from rest without friction. Doggy's encoders would get 14 ms.
