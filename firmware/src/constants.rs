@@ -31,8 +31,8 @@ pub const MOVING_PUSH: u32 = 157_500;
 /// push gets so many times that which moves it by them from rest without friction. Doggy's encoders would get 14 ms.
 pub const PUSH_OF_COARSE: f32 = 3.0;
 /// Angle by which the rotation that a gyro has summed up over 4 s may differ from that of the encoders with stiff belts,
-/// rad: what the drift of its zero adds up to in that time while it warms up, 0.5°/s after 10 s, and 0.005 rad for noise. What belts give way by comes on
-/// top. How near healthy robots come the program `healthy` of the crate `tests` prints.
+/// rad: what the drift of its zero adds up to in that time while it warms up, 0.5°/s after 10 s, and 0.005 rad for noise.
+/// What belts give way by comes on top. How near healthy robots come the program `healthy` of the crate `tests` prints.
 pub const ROTATION_DIFFERS_RAD: f32 = 0.04;
 /// Belts give way by so many times the angle that a steady duty gives: a spring without damping swings to twice of it.
 pub const SWING_OF_GIVE: f32 = 2.0;
