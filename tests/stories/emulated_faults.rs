@@ -151,7 +151,7 @@ fn a_motor_with_swapped_leads_goes_against_its_duty() {
     Stopped::record(REACH, swapped).told_at("joint 2 goes against its duty", 50, 140..=300);
 }
 
-/// Half of the steps at half a radian a second: 0.12 rad and more after half a second.
+/// Half of the steps at half a radian a second: a tenth of a radian and more after half a second.
 #[test]
 fn an_encoder_that_counts_half_is_told_by_the_gyro() {
     let half = What::Counts { motor: 1, halves: 1 };
