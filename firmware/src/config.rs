@@ -9,7 +9,7 @@ use protocol::sample::{Layout, LayoutError};
 use protocol::{Duty, EncoderInfo, GyroInfo, Hello, Identity, MAX_ENCODERS, MAX_GYROS, MAX_JOINTS, ResetReason, Side};
 
 use crate::constants;
-use crate::safety::{EncoderBounds, GyroBounds, JointLimits};
+use crate::safety::{Axis, DriveBounds, EncoderBounds, GyroBounds, JointLimits, RotationWatch, STILL_COUNTS, Turn};
 
 /// A robot that the core cannot run.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -25,6 +25,31 @@ pub enum ConfigError {
     Scale {
         /// Which encoder, from 0.
         encoder: usize,
+    },
+    /// A step of a gyro's words that is not positive, not a number, or beyond 1 rad/s.
+    GyroScale {
+        /// Which gyro, from 0.
+        gyro: usize,
+    },
+    /// A mount whose rows are no unit vectors.
+    Mount {
+        /// Which gyro, from 0.
+        gyro: usize,
+    },
+    /// An axis that is no unit vector.
+    Axis {
+        /// Which joint, from 0.
+        joint: usize,
+    },
+    /// An angle by which belts give way that is negative, not a number, or beyond a turn.
+    Belts {
+        /// Which gyro, from 0.
+        gyro: usize,
+    },
+    /// What a joint carries, or the time for which its belt holds it, is negative or not a number.
+    Carried {
+        /// Which joint, from 0.
+        joint: usize,
     },
     /// A range that is empty or not a number.
     Limits {
@@ -43,17 +68,50 @@ pub enum ConfigError {
 pub struct JointSetup {
     /// Range, rad or m from the zero position.
     pub limits: Limits,
+    /// How it moves the bodies that it carries.
+    pub axis: Axis,
+    /// Largest duty at which it may stand: friction holds it, and what gravity loads it with.
+    pub standing_duty: Duty,
     /// Largest duty that safety lets pass.
     pub max_duty: Duty,
     /// Time constant of the speed at zero duty, s: (motor + link inertia) / back-EMF constant.
     pub coast_s: f32,
+    /// Time for which its belt, at the top of a swing, may hold the motor at a standstill against full duty, s:
+    /// 4 √(friction / torque at full duty) / rate of the swing. The largest over all poses.
+    pub held_s: f32,
+    /// By joint: torque that an acceleration of the joint's link puts on this joint, over this joint's torque at full
+    /// duty, s². The largest over all poses.
+    pub carried_s2: [f32; MAX_JOINTS],
 }
 
 impl JointSetup {
-    /// A joint with this range and Doggy's dynamics.
-    pub const fn new(limits: Limits) -> Self {
-        JointSetup { limits, max_duty: Duty(constants::MAX_DUTY), coast_s: constants::COAST_S }
+    /// A joint with this range and axis, the dynamics of Doggy's motors, and nothing that it carries.
+    pub const fn new(limits: Limits, axis: Axis) -> Self {
+        JointSetup {
+            limits,
+            axis,
+            max_duty: Duty(constants::MAX_DUTY),
+            standing_duty: Duty(constants::STANDING_DUTY),
+            coast_s: constants::COAST_S,
+            held_s: 0.0,
+            carried_s2: [0.0; MAX_JOINTS],
+        }
     }
+}
+
+/// What the description file says of a gyro.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GyroSetup {
+    /// Its place and scale, as the handshake tells them.
+    pub info: GyroInfo,
+    /// Rotation that takes vectors in axes of the base, all joints at zero, to the gyro's own axes. A few degrees do not
+    /// matter.
+    pub mount: [[f32; 3]; 3],
+    /// Angle by which the belts before it give way together while full duty accelerates the robot, rad. The largest over
+    /// all poses.
+    pub give_rad: f32,
+    /// The same under gravity, from one pose to another, rad.
+    pub sag_rad: f32,
 }
 
 /// A joint in the loop's raw codes.
@@ -71,6 +129,10 @@ pub struct Joint {
     pub envelope: JointLimits,
     /// Speed below which it is at rest, counts/s.
     pub quiet_counts_per_s: i32,
+    /// Whether it goes the way in which it is driven.
+    pub drive: DriveBounds,
+    /// How it turns what it carries.
+    pub turn: Turn,
 }
 
 /// A robot as the core runs it.
@@ -80,6 +142,10 @@ pub struct Config {
     pub(crate) joints: Vec<Joint, MAX_JOINTS>,
     pub(crate) encoder_bounds: [EncoderBounds; MAX_ENCODERS],
     pub(crate) gyro_bounds: GyroBounds,
+    /// The emergency stop must be seen pressed before anything moves.
+    pub(crate) stop_test: bool,
+    /// One a gyro, which has seen nothing yet.
+    pub(crate) rotations: Vec<RotationWatch, MAX_GYROS>,
 }
 
 impl Config {
@@ -92,43 +158,71 @@ impl Config {
         robot: &str,
         joints: &[JointSetup],
         encoders: &[EncoderInfo],
-        gyros: &[GyroInfo],
+        gyros: &[GyroSetup],
     ) -> Result<Self, ConfigError> {
         let count = |n: usize| u8::try_from(n).unwrap_or(u8::MAX);
         let layout =
             Layout::new(count(joints.len()), count(encoders.len()), count(gyros.len())).map_err(ConfigError::Layout)?;
-        let mut bounds =
-            [EncoderBounds { max_step_counts: i32::MAX, moving_duty: 0, stuck_ticks: 0, stale_ticks: 0 }; MAX_ENCODERS];
+        let mut bounds = [EncoderBounds {
+            max_step_counts: i32::MAX,
+            standing_duty: 0,
+            stuck_push: 0,
+            held_push_squared: 0,
+            stale_ticks: 0,
+        }; MAX_ENCODERS];
         for (index, (encoder, bounds)) in encoders.iter().zip(&mut bounds).enumerate() {
             let scale = counts_per_unit(encoder);
             if !(scale.is_normal() && scale > 0.0) {
                 return Err(ConfigError::Scale { encoder: index });
             }
             let step = constants::MAX_SPEED_PER_S * scale * constants::TICK_US as f32 * 1e-6;
+            let setup = joints.get(usize::from(encoder.joint));
             *bounds = EncoderBounds {
                 max_step_counts: (step as i32).max(2),
-                moving_duty: constants::MOVING_DUTY,
-                stuck_ticks: constants::ENCODER_STUCK_TICKS,
+                standing_duty: setup.map_or(i16::MAX, |setup| setup.standing_duty.0),
+                stuck_push: setup.map_or(0, |setup| stuck_push(scale, setup.coast_s)),
+                held_push_squared: setup.map_or(0, |setup| held_push_squared(setup.held_s)),
                 stale_ticks: constants::ENCODER_STALE_TICKS,
             };
         }
-        let mut loop_joints = Vec::new();
+        for (index, gyro) in gyros.iter().enumerate() {
+            let GyroSetup { info, mount, give_rad, sag_rad } = gyro;
+            if !(info.rad_s_per_lsb.is_normal() && (0.0..1.0).contains(&info.rad_s_per_lsb)) {
+                return Err(ConfigError::GyroScale { gyro: index });
+            }
+            if !mount.iter().all(is_unit) {
+                return Err(ConfigError::Mount { gyro: index });
+            }
+            if ![give_rad, sag_rad].iter().all(|rad| (0.0..=core::f32::consts::TAU).contains(*rad)) {
+                return Err(ConfigError::Belts { gyro: index });
+            }
+        }
+        let mut loop_joints = Vec::<Joint, MAX_JOINTS>::new();
         for (index, setup) in joints.iter().enumerate() {
             // `Layout::new` has bounded the joints by MAX_JOINTS, so the push fits.
             let _ = loop_joints.push(joint(index, setup, encoders)?);
+        }
+        let mut scales = [f32::INFINITY; MAX_JOINTS];
+        for (scale, joint) in scales.iter_mut().zip(&loop_joints) {
+            *scale = joint.counts_per_unit;
+        }
+        for (joint, setup) in loop_joints.iter_mut().zip(joints) {
+            joint.drive.carry(&setup.carried_s2, &scales);
         }
         let hello = Hello {
             identity: Identity::ours(env!("CARGO_PKG_VERSION"), robot),
             layout,
             tick_us: constants::TICK_US as u16,
             encoders: encoders.iter().copied().take(MAX_ENCODERS).collect(),
-            gyros: gyros.iter().copied().take(MAX_GYROS).collect(),
+            gyros: gyros.iter().map(|gyro| gyro.info).take(MAX_GYROS).collect(),
             zero: None,
             reset: ResetReason::Unknown,
             panic: None,
             code_crc: None,
         };
-        Ok(Config { hello, joints: loop_joints, encoder_bounds: bounds, gyro_bounds: constants::GYRO_BOUNDS })
+        let rotations = gyros.iter().map(RotationWatch::new).take(MAX_GYROS).collect();
+        let gyro_bounds = constants::GYRO_BOUNDS;
+        Ok(Config { hello, joints: loop_joints, encoder_bounds: bounds, gyro_bounds, stop_test: false, rotations })
     }
 
     /// Why the device started, for the handshake and the first event.
@@ -141,6 +235,13 @@ impl Config {
     /// CRC-32 over the program's code, for the handshake: see [`Hello::code_crc`].
     pub fn code_crc(&mut self, crc: u32) -> &mut Self {
         self.hello.code_crc = Some(crc);
+        self
+    }
+
+    /// Nothing moves before the emergency stop was seen pressed once: a contact that is short-circuited, or a wire that
+    /// touches ground, looks like a stop that is not pressed, and only pressing it tells.
+    pub fn stop_test(&mut self, needed: bool) -> &mut Self {
+        self.stop_test = needed;
         self
     }
 
@@ -166,6 +267,29 @@ fn counts_per_unit(encoder: &EncoderInfo) -> f32 {
     (f64::from(encoder.counts_per_turn.unsigned_abs()) * encoder.gear / core::f64::consts::TAU) as f32
 }
 
+/// The push after which a count that stands is stuck, for an encoder of this scale (counts per rad or m) on a joint that
+/// coasts for `coast_s`: at least what the constant says, and more where the encoder is coarse.
+fn stuck_push(counts_per_unit: f32, coast_s: f32) -> u32 {
+    // From rest at full duty: acceleration = no-load speed / coast time; way = acceleration t² / 2. Under a lower duty u
+    // the push u t for the same way is the smaller one, by √u.
+    let way = (2 * STILL_COUNTS) as f32 / counts_per_unit;
+    let squared_ms = 2.0e6 * way * coast_s / constants::NO_LOAD_SPEED_PER_S;
+    // Below 2³², so the cast and the root keep their digits.
+    let ms = constants::PUSH_OF_COARSE * (squared_ms as u32).isqrt() as f32;
+    constants::MOVING_PUSH.max((ms * f32::from(Duty::FULL)) as u32)
+}
+
+/// The square of the push for which a belt may hold its motor, for each step of the duty: (time · full duty)² / full duty.
+fn held_push_squared(held_s: f32) -> u64 {
+    let ticks = held_s * 1e6 / constants::TICK_US as f32;
+    // The cast ends at the largest number.
+    (ticks * ticks * f32::from(Duty::FULL)) as u64
+}
+
+fn is_unit(vector: &[f32; 3]) -> bool {
+    (0.99..1.01).contains(&vector.iter().map(|part| part * part).sum::<f32>())
+}
+
 fn joint(index: usize, setup: &JointSetup, encoders: &[EncoderInfo]) -> Result<Joint, ConfigError> {
     let Limits { min, max } = setup.limits;
     if !(min.is_finite() && max.is_finite() && min < max) {
@@ -174,7 +298,13 @@ fn joint(index: usize, setup: &JointSetup, encoders: &[EncoderInfo]) -> Result<J
     if !(0.0..=10.0).contains(&setup.coast_s) {
         return Err(ConfigError::Coast { joint: index });
     }
+    if matches!(setup.axis, Axis::Turns(axis) if !is_unit(&axis)) {
+        return Err(ConfigError::Axis { joint: index });
+    }
     let on_motor = |e: &EncoderInfo| usize::from(e.joint) == index && e.side == Side::Motor;
+    if !setup.carried_s2.iter().chain([&setup.held_s]).all(|number| (0.0..f32::INFINITY).contains(number)) {
+        return Err(ConfigError::Carried { joint: index });
+    }
     let encoder = encoders.iter().position(on_motor).ok_or(ConfigError::NoMotorEncoder { joint: index })?;
     let scale = counts_per_unit(&encoders[encoder]);
     let range = (max - min) * scale;
@@ -193,6 +323,13 @@ fn joint(index: usize, setup: &JointSetup, encoders: &[EncoderInfo]) -> Result<J
             max_rise: Duty(constants::MAX_RISE),
         },
         quiet_counts_per_s: (constants::QUIET_SPEED_PER_S * scale) as i32,
+        drive: DriveBounds {
+            standing_duty: setup.standing_duty.0,
+            moving_counts_per_s: (constants::QUIET_SPEED_PER_S * scale) as u32,
+            wrong_way_push: constants::MOVING_PUSH,
+            carried: [0; MAX_JOINTS],
+        },
+        turn: Turn::new(setup.axis, scale),
     })
 }
 
@@ -212,9 +349,18 @@ mod tests {
         assert!(config.hello.validate().is_ok());
     }
 
+    /// From rest at full duty a joint with Doggy's dynamics needs 4.7 ms for four of its counts, 83 ms for four of 22 a radian.
+    #[test]
+    fn a_coarse_encoder_has_more_time_to_move() {
+        assert_eq!(stuck_push(6860.0, 0.094), constants::MOVING_PUSH);
+        assert_eq!(stuck_push(600.0, 0.094), 450_000, "3 · 15 ms");
+        assert_eq!(stuck_push(22.0, 0.094), 2_460_000, "3 · 82 ms");
+        assert_eq!(stuck_push(22.0, 0.0), constants::MOVING_PUSH);
+    }
+
     #[test]
     fn robots_that_do_not_fit_are_refused() {
-        let joint = JointSetup::new(Limits { min: -1.0, max: 1.0 });
+        let joint = JointSetup::new(Limits { min: -1.0, max: 1.0 }, Axis::Slides);
         let encoder = EncoderInfo { joint: 0, side: Side::Link, counts_per_turn: 4096, gear: 1.0, offset_us: 0 };
         let refused = |joints: &[_], encoders: &[_]| Config::new("r", joints, encoders, &[]).err();
         assert_eq!(refused(&[joint], &[encoder]), Some(ConfigError::NoMotorEncoder { joint: 0 }));
@@ -223,8 +369,33 @@ mod tests {
         let motor = EncoderInfo { side: Side::Motor, ..encoder };
         let flat = EncoderInfo { gear: f64::NAN, ..motor };
         assert_eq!(refused(&[joint], &[flat]), Some(ConfigError::Scale { encoder: 0 }));
-        let empty = JointSetup::new(Limits { min: 1.0, max: 1.0 });
+        let empty = JointSetup { limits: Limits { min: 1.0, max: 1.0 }, ..joint };
         assert_eq!(refused(&[empty], &[motor]), Some(ConfigError::Limits { joint: 0 }));
+        let gyro = GyroSetup {
+            info: GyroInfo { body: 0, rad_s_per_lsb: 5e-4, saturated_at: 32_700, offset_us: 0 },
+            mount: [[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
+            give_rad: 0.1,
+            sag_rad: 0.0,
+        };
+        let with = |gyro: GyroSetup| Config::new("r", &[joint], &[motor], &[gyro]).err();
+        assert_eq!(with(gyro), None);
+        assert_eq!(with(GyroSetup { mount: [[1.0; 3]; 3], ..gyro }), Some(ConfigError::Mount { gyro: 0 }));
+        for rad_s_per_lsb in [0.0, -5e-4, f64::NAN, 1e300] {
+            let info = GyroInfo { rad_s_per_lsb, ..gyro.info };
+            assert_eq!(with(GyroSetup { info, ..gyro }), Some(ConfigError::GyroScale { gyro: 0 }));
+        }
+        for axis in [[0.0, 0.0, 0.98], [0.8, 0.8, 0.0], [f32::NAN, 0.0, 1.0]] {
+            let bent = JointSetup { axis: Axis::Turns(axis), ..joint };
+            assert_eq!(refused(&[bent], &[motor]), Some(ConfigError::Axis { joint: 0 }));
+        }
+        for rad in [-0.1, 7.0, f32::NAN] {
+            assert_eq!(with(GyroSetup { give_rad: rad, ..gyro }), Some(ConfigError::Belts { gyro: 0 }));
+            assert_eq!(with(GyroSetup { sag_rad: rad, ..gyro }), Some(ConfigError::Belts { gyro: 0 }));
+        }
+        for s2 in [-0.1, f32::INFINITY, f32::NAN] {
+            let carries = JointSetup { carried_s2: [s2; MAX_JOINTS], ..joint };
+            assert_eq!(refused(&[carries], &[motor]), Some(ConfigError::Carried { joint: 0 }));
+        }
         let endless = JointSetup { coast_s: f32::INFINITY, ..joint };
         assert_eq!(refused(&[endless], &[motor]), Some(ConfigError::Coast { joint: 0 }));
     }

@@ -23,10 +23,11 @@
 //! board provides, with the parts of a board that need no chip. The boards and the image are the binary of this crate.
 //!
 //! ```
+//! use firmware::safety::Axis;
 //! use firmware::{Config, ControlCore, Inputs, JointSetup};
 //! use protocol::{EncoderInfo, Side, motion::Limits};
 //!
-//! let joint = JointSetup::new(Limits { min: -1.0, max: 1.0 });
+//! let joint = JointSetup::new(Limits { min: -1.0, max: 1.0 }, Axis::Turns([0.0, 0.0, 1.0]));
 //! let encoder = EncoderInfo { joint: 0, side: Side::Motor, counts_per_turn: 4096, gear: 50.0, offset_us: 0 };
 //! let mut core = ControlCore::new(&Config::new("one_joint", &[joint], &[encoder], &[]).unwrap());
 //! let mut inputs = Inputs::default();
@@ -57,8 +58,8 @@ mod telemetry;
 pub mod wiring;
 
 pub use app::{ControlCore, RAM_BUDGET};
-pub use config::{Config, ConfigError, JointSetup};
-pub use control::{ControlLoop, Inputs, Outputs};
+pub use config::{Config, ConfigError, GyroSetup, JointSetup};
+pub use control::{ControlLoop, Inputs, Nearness, Outputs};
 pub use receive::{ReceiveCounts, Receiver};
 pub use safety::GyroInput;
 pub use telemetry::Telemetry;

@@ -3,10 +3,11 @@
 //! ```text
 //!   priority   t_k                        t_k + 600 µs                              t_{k+1}
 //!   4          │ period                   │ tick ─▶ control loop ─▶ duty kept       │ period: duty active
-//!   4          │   bus_event bus_event …  │   │ every 1 ms              ▲           │
+//!   5          supply_fell, whenever it does: motors off
+//!   4          │   bus_event burst_over … │   │ every 1 ms              ▲           │
 //!   2          │                          │   ╰─▶ telemetry ─▶ DMA      │           │      frames to the line
 //!   1          │                          │   ╰──────▶ commands ────────╯ queue     │      bytes from the line
-//!   0          │ idle: sleeps             │                                         │
+//!   0          │ idle: looks for gyros that are missing, sleeps                     │
 //! ```
 //!
 //! A task of a higher priority preempts a lower one. The two tasks of the tick have the same priority and share the pins
@@ -67,6 +68,7 @@ mod app {
         line_out: board::LineOut,
         commands: Producer<'static, ToDevice>,
         line_in: board::LineIn,
+        search: board::gyro::Search<board::Bus>,
     }
 
     #[init(local = [
@@ -82,7 +84,7 @@ mod app {
             defmt::error!("it had panicked at {=str}:{=u32}", place.file.as_str(), place.line);
         }
         let mut config = robot::doggy();
-        config.started_by(reset, panic).code_crc(board::code_crc());
+        config.started_by(reset, panic).code_crc(board::code_crc()).stop_test(board::STOP_TEST);
         let (tick_ends, telemetry_ends, commands) = ctx.local.queues.split();
         (
             Shared { pins: board.pins, now_us: AtomicU32::new(0), check_ins: CheckIns::new() },
@@ -95,6 +97,7 @@ mod app {
                 line_out: board.line_out,
                 commands,
                 line_in: board.line_in,
+                search: board.search,
             },
         )
     }
@@ -165,6 +168,18 @@ mod app {
         ctx.shared.pins.bus_event();
     }
 
+    /// The end of the burst on SPI.
+    #[task(binds = DMA2_STREAM0, priority = 4, shared = [pins])]
+    fn burst_over(ctx: burst_over::Context) {
+        ctx.shared.pins.burst_over();
+    }
+
+    /// The supply falls below the detector's level.
+    #[task(binds = PVD, priority = 5)]
+    fn supply_fell(_: supply_fell::Context) {
+        board::supply_fell();
+    }
+
     /// Frames to the line, as soon as it is free; the log when there is nothing else.
     #[task(binds = DMA2_STREAM7, priority = 2, shared = [&check_ins], local = [telemetry, telemetry_ends, line_out])]
     fn telemetry(ctx: telemetry::Context) {
@@ -197,10 +212,11 @@ mod app {
         }
     }
 
-    /// Sleeps until the next interrupt.
-    #[idle]
-    fn idle(_: idle::Context) -> ! {
+    /// Looks for gyros that are missing, and sleeps until the next interrupt.
+    #[idle(local = [search])]
+    fn idle(ctx: idle::Context) -> ! {
         loop {
+            ctx.local.search.step(board::log::now_us());
             rtic::export::wfi();
         }
     }

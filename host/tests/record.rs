@@ -228,6 +228,9 @@ fn ctrl_c_stops_the_robot_first_and_closes_the_file() {
     let (code, said) = ended(child.wait_with_output().unwrap());
     assert_eq!(code, 3, "{said}");
     assert!(said.contains("stopped"), "{said}");
+    let help = Process::new(env!("CARGO_BIN_EXE_host")).arg("help").output().unwrap();
+    let help = String::from_utf8(help.stdout).unwrap();
+    assert!(help.contains("ended by Ctrl-C: 3 of record"), "{help}");
     let commands: Vec<Command> = peer
         .finish()
         .into_iter()
@@ -282,4 +285,60 @@ fn kill(seed: u64) -> u32 {
     let recording = recording::read(&desk.file("run.mcap")).unwrap();
     assert_eq!(recording.missing_ticks(), 0, "seed {seed}");
     last_sent - *recording.seq.last().unwrap() as u32
+}
+
+/// A fault of the emergency stop is cleared by who asks for it, and by nobody else.
+#[test]
+fn an_emergency_stop_is_cleared_on_request_only() {
+    let pressed = || Doggy { fault: Some(protocol::Fault::EmergencyStop), leash: Some(LEASH), ..Doggy::default() };
+    let desk = Desk::new();
+    let motion = desk.short_motion();
+    let peer = Peer::start(pressed());
+    let (code, said) = ended(desk.record(&peer.path, &["--motion", &motion]).output().unwrap());
+    assert_eq!(code, 3, "{said}");
+    assert!(said.contains("emergency stop was pressed") && said.contains("--clear-stop"), "{said}");
+    let is_clear = |message: &ToDevice| matches!(message, ToDevice::Request { command: Command::ClearFault, .. });
+    assert!(!peer.finish().iter().any(is_clear));
+
+    let peer = Peer::start(pressed());
+    let (code, said) = ended(desk.record(&peer.path, &["--motion", &motion, "--clear-stop"]).output().unwrap());
+    assert_eq!(code, 0, "{said}");
+    assert!(peer.finish().iter().any(is_clear));
+
+    // Any other fault is cleared as before.
+    let peer = Peer::start(Doggy { fault: Some(protocol::Fault::Overrun), leash: Some(LEASH), ..Doggy::default() });
+    let (code, said) = ended(desk.record(&peer.path, &["--motion", &motion, "--force"]).output().unwrap());
+    assert_eq!(code, 0, "{said}");
+}
+
+#[test]
+fn what_a_device_calls_itself_commands_no_terminal() {
+    let mut doggy = doggy();
+    doggy.identity.firmware_version = protocol::units::text("1\u{1b}]0;pwn\u{7}");
+    let named = || Doggy { hello: doggy.clone(), leash: Some(LEASH), ..Doggy::default() };
+    let mut stranger = named();
+    stranger.hello.identity.protocol_version = 77;
+    stranger.hello.identity.robot = protocol::units::text("x\u{9b}2J");
+    let desk = Desk::new();
+    for device in [named(), stranger] {
+        let peer = Peer::start(device);
+        let (_, said) =
+            ended(desk.record(&peer.path, &["--motion", &desk.short_motion(), "--force"]).output().unwrap());
+        assert!(said.contains("1\\u{1b}]0;pwn\\u{7}"), "{said}");
+        assert!(!said.contains(|c: char| c.is_control() && c != '\n'), "{said}");
+    }
+}
+
+/// The device plays on when every segment must be over.
+#[test]
+fn a_recording_ends_by_itself() {
+    let peer = Peer::start(Doggy { motion_ticks: u32::MAX, leash: Some(LEASH), ..Doggy::default() });
+    let desk = Desk::new();
+    let (code, said) = ended(desk.record(&peer.path, &["--motion", &desk.short_motion()]).output().unwrap());
+    assert_eq!(code, 3, "{said}");
+    assert!(said.contains("not over after 0.5 s"), "{said}");
+    let recording = recording::read(&desk.file("run.mcap")).unwrap();
+    assert!((2500..3000).contains(&recording.len()), "{}", recording.len());
+    let stops = peer.finish().into_iter().filter(|m| matches!(m, ToDevice::Request { command: Command::Stop, .. }));
+    assert!(stops.count() > 0);
 }

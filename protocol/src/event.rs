@@ -140,4 +140,21 @@ pub enum Fault {
         /// Which encoder.
         encoder: u8,
     },
+    /// The processor's crystal is broken or not the one that the firmware was built for.
+    #[error(
+        "the crystal of the board is broken or another one than the firmware was built for: see the firmware's log (--elf)"
+    )]
+    Clock,
+    /// A joint goes the other way than its motor drives it.
+    #[error("joint {} goes against its duty: encoder or motor wires are swapped", joint + 1)]
+    WrongWay {
+        /// Which joint.
+        joint: u8,
+    },
+    /// A gyro measures another rotation than the encoders of the joints that carry it.
+    #[error("gyro {} measures another rotation than the encoders: counts are lost, or a gear, a count per turn or an axis is wrong", gyro + 1)]
+    RotationMismatch {
+        /// Which gyro.
+        gyro: u8,
+    },
 }

@@ -41,7 +41,7 @@
 //! * A message is either whole and right or counted as damaged; nothing in between reaches a reader.
 //! * Every size is bounded at compile time; no allocation, no `unsafe`, no panic on any input.
 //! * The line may lose anything at any time. A request is repeated under the same id until it is answered, and a
-//!   device acts on an id once ([`request::Memory`]).
+//!   device acts on it once ([`request::Memory`]), unless it may be done twice, as a stop or a part of an upload.
 //! * Every tick has a number, sent or not, so that loss is counted and never guessed ([`sample::Sample::seq`]).
 //!
 //! ```

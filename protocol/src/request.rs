@@ -7,6 +7,8 @@
 //!   Request { id: 7, Start }  ──────►  knows 7: does not act again
 //!                             ◄──────  Accepted { id: 7 }          the same answer
 //! ```
+//!
+//! What may be done twice is done twice ([`Command::is_idempotent`]): a stop is never answered from memory.
 
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
@@ -69,6 +71,25 @@ pub enum Command {
     ClearFault,
 }
 
+impl Command {
+    /// Whether doing it again does no harm: such a request is carried out as often as it comes. The parts of an upload are
+    /// such: their line keeps its order, a second beginning comes before the first segment, and a segment that is there is
+    /// not taken again.
+    pub fn is_idempotent(&self) -> bool {
+        match self {
+            Self::Status | Self::Stop | Self::ClearFault | Self::UploadBegin { .. } | Self::UploadSegment { .. } => {
+                true
+            }
+            Self::Stream { .. } | Self::SetZero | Self::UploadEnd { .. } | Self::Start { .. } => false,
+        }
+    }
+
+    /// CRC-32 over its bytes on the wire: tells two commands under the same id apart.
+    pub fn checksum(&self) -> u32 {
+        crate::frame::crc32_of(&[], self)
+    }
+}
+
 /// Why a request was not carried out.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema, thiserror::Error)]
 pub enum Refusal {
@@ -119,6 +140,11 @@ pub enum Refusal {
     /// The motion breaks a rule.
     #[error("the motion is not valid: {0}")]
     Motion(MotionError),
+    /// A start before the emergency stop was seen to work, since the device started.
+    #[error(
+        "the emergency stop was not tested since the device started: press it once, release it, and clear the fault"
+    )]
+    StopNotTested,
     /// The robot moves, or a sensor is silent: no zero can be taken.
     #[error("the sensors are not quiet: hold the robot still and try again")]
     NotQuiet,
@@ -177,10 +203,11 @@ pub struct Heartbeat {
 
 /// What a device said about the last request, so that a repeated one is answered and not acted on again.
 ///
-/// The host uses one id for all attempts of a request and the next id for the next. A handshake forgets.
+/// The host uses one id for all attempts of a request and the next id for the next. A handshake forgets. A client that
+/// uses an id again for another command is no repetition: the command's checksum tells.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Memory {
-    last: Option<(u8, Result<(), Refusal>)>,
+    last: Option<(u8, u32, Result<(), Refusal>)>,
 }
 
 impl Memory {
@@ -189,16 +216,16 @@ impl Memory {
         Self { last: None }
     }
 
-    /// The answer to a request, from memory if it has this id, otherwise by `act`.
-    pub fn answer(&mut self, id: u8, act: impl FnOnce() -> Result<(), Refusal>) -> Result<(), Refusal> {
-        match self.last {
-            Some((known, answer)) if known == id => answer,
-            _ => {
-                let answer = act();
-                self.last = Some((id, answer));
-                answer
-            }
-        }
+    /// The answer given to the last request, if this is a repetition of it: the same id and the same command, which may
+    /// not be done twice.
+    pub fn recall(&self, id: u8, command: &Command) -> Option<Result<(), Refusal>> {
+        let (known, checksum, answer) = self.last?;
+        (known == id && !command.is_idempotent() && checksum == command.checksum()).then_some(answer)
+    }
+
+    /// Remembers the answer to a request; of one that may be done twice only that it was the last.
+    pub fn keep(&mut self, id: u8, command: &Command, answer: Result<(), Refusal>) {
+        self.last = (!command.is_idempotent()).then(|| (id, command.checksum(), answer));
     }
 
     /// Forgets: a host has greeted, its ids begin anew.
@@ -211,18 +238,32 @@ impl Memory {
 mod tests {
     use super::*;
 
+    const START: Command = Command::Start { motion: MotionId(3), at_seq: None };
+
     #[test]
-    fn a_repeated_request_is_answered_and_not_acted_on() {
+    fn a_repeated_request_is_recalled_and_another_one_is_not() {
         let mut memory = Memory::new();
-        let mut acts = 0;
-        for (id, expected) in [(7, 1), (7, 1), (8, 2), (7, 3)] {
-            let answer = memory.answer(id, || {
-                acts += 1;
-                Err(Refusal::Running)
-            });
-            assert_eq!((answer, acts), (Err(Refusal::Running), expected));
-        }
+        assert_eq!(memory.recall(7, &START), None);
+        memory.keep(7, &START, Err(Refusal::Running));
+        assert_eq!(memory.recall(7, &START), Some(Err(Refusal::Running)));
+        assert_eq!(memory.recall(8, &START), None, "another request");
+        assert_eq!(memory.recall(7, &Command::Start { motion: MotionId(4), at_seq: None }), None, "another motion");
+        assert_eq!(memory.recall(7, &Command::SetZero), None, "another command under a known id");
         memory.forget();
-        assert_eq!(memory.answer(7, || Ok(())), Ok(()));
+        assert_eq!(memory.recall(7, &START), None);
+    }
+
+    #[test]
+    fn what_may_be_done_twice_is_never_recalled() {
+        let header = Header { name: Default::default(), stages: Default::default(), gain: Default::default() };
+        let begin = Command::UploadBegin { motion: MotionId(3), header, segments: 1 };
+        for command in [Command::Stop, Command::Status, Command::ClearFault, begin] {
+            let mut memory = Memory::new();
+            memory.keep(7, &command, Ok(()));
+            assert_eq!(memory.recall(7, &command), None, "{command:?}");
+            memory.keep(6, &START, Ok(()));
+            memory.keep(7, &command, Ok(()));
+            assert_eq!(memory.recall(6, &START), None, "only the last request is remembered");
+        }
     }
 }

@@ -13,7 +13,7 @@ use tests::{calibrate_run, estimate};
 /// The tick in which the motion starts: the host needs some 250 ticks of the device to get ready.
 const START_TICK: u32 = 1000;
 /// Instructions of a tick, both phases, that must not be exceeded. The worst takes the beginning of an upload, whose
-/// checks and checksum are all in one tick; 5480 were measured, 4500 in a motion.
+/// checks and checksum are all in one tick; 5963 were measured, 5588 in a motion, 3511 in the median.
 ///
 /// With the flash's waits an instruction takes 2.5 cycles at most: 1.3 on a Cortex-M4 whose memory does not wait; 0.9
 /// for the 5 waits at 168 MHz before each 16 bytes, which are 5.5 instructions, if none of them is in the flash's
@@ -160,6 +160,6 @@ fn the_tick_keeps_its_budget(log: &Log) {
     const { assert!(BUDGET_INSTRUCTIONS * CYCLES_PER_10_INSTRUCTIONS <= CYCLES_PER_MS) };
     let budget = f64::from(BUDGET_INSTRUCTIONS);
     assert!((0.7 * budget..budget).contains(&both), "{both:.0} instructions of {budget:.0}");
-    // 4608 bytes are the stack's (memory.x); 4012 were measured.
-    assert!((2000..4608).contains(&stack), "{stack} bytes of stack");
+    // 9216 bytes are the stack's (memory.x), 512 of them a margin; 7172 were measured.
+    assert!((2000..8704).contains(&stack), "{stack} bytes of stack");
 }

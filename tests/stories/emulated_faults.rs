@@ -5,7 +5,7 @@
 use host::link;
 use host::simulate::Fault;
 use protocol::{Hello, ResetReason};
-use tests::machine::{Emulated, Log, Mishap, Options, Recorded, SWING, What};
+use tests::machine::{Emulated, Log, Mishap, Options, REACH, Recorded, SWING, What};
 
 /// Ticks after the start of the motion.
 const AT: u32 = 400;
@@ -20,12 +20,17 @@ struct Stopped {
 impl Stopped {
     /// Records the short motion with this mishap, which must end it.
     fn by(what: What) -> Self {
-        Self::record(Options { seed: 5, mishaps: vec![Mishap { at: AT, what }], ..Options::default() })
+        Self::of(SWING, what)
     }
 
-    fn record(options: Options) -> Self {
+    /// Records this motion with this mishap, which must end it.
+    fn of(motion: &str, what: What) -> Self {
+        Self::record(motion, Options { seed: 5, mishaps: vec![Mishap { at: AT, what }], ..Options::default() })
+    }
+
+    fn record(motion: &str, options: Options) -> Self {
         let machine = Emulated::start(&options);
-        let Recorded { code, said, .. } = machine.record(&["--motion", SWING]);
+        let Recorded { code, said, .. } = machine.record(&["--motion", motion]);
         assert_eq!(code, Some(3), "{said}");
         Self { machine, said }
     }
@@ -41,6 +46,15 @@ impl Stopped {
         }
     }
 
+    /// The same for a motor that was wrong from the start of a motion on, and not driven before the tick `at`.
+    fn told_at(self, reason: &str, at: u32, ticks: std::ops::RangeInclusive<usize>) {
+        assert!(self.said.contains(reason), "{}", self.said);
+        let (log, _) = self.machine.finish();
+        let to_zero = log.ticks_to_zero(at);
+        eprintln!("{reason}: zero duty after {to_zero} ticks");
+        assert!(ticks.contains(&to_zero), "{to_zero} ticks until zero duty, {ticks:?} expected");
+    }
+
     /// The host was told so, and the motors are without duty after so many ticks.
     fn told(self, reason: &str, ticks: std::ops::RangeInclusive<usize>) -> Log {
         assert!(self.said.contains(reason), "{}", self.said);
@@ -54,11 +68,22 @@ impl Stopped {
     }
 }
 
+/// Until the pins have shown so many periods. The machine goes on while a host speaks to it.
+fn wait_for(machine: &Emulated, periods: usize) {
+    for _ in 0..1000 {
+        if machine.so_far(|log| log.periods.len()) >= periods {
+            return;
+        }
+        link::probe(&machine.port().display().to_string(), &link::Options::default()).expect("it answers");
+    }
+    panic!("no {periods} periods");
+}
+
 /// The device waits for 100 ms since the last heartbeat, which came at most 60 ms before the line was cut.
 #[test]
 fn heartbeats_that_stay_away_stop_the_motion() {
     let cut = Fault::StallIn { duration_s: 1.0, at_s: 1e-3 * f64::from(AT) };
-    let stopped = Stopped::record(Options { seed: 5, faults: vec![cut], ..Options::default() });
+    let stopped = Stopped::record(SWING, Options { seed: 5, faults: vec![cut], ..Options::default() });
     stopped.told("the host's heartbeats stayed away", 38..=101);
 }
 
@@ -101,6 +126,38 @@ fn an_encoder_that_jumps_stops_the_motion_within_its_tick() {
     Stopped::by(What::EncoderJumps { motor: 1, counts: 1000 }).told("encoder 2 jumped", 0..=0);
 }
 
+/// At a duty of at most 0.4 a push of 13.5 ms takes 40 ms and more, and the swing turns after 250.
+#[test]
+fn an_encoder_with_an_open_phase_stops_the_motion() {
+    Stopped::by(What::OpenPhase { motor: 0 }).told("encoder 1 is stuck", 30..=250);
+}
+
+/// A slow move at a duty of 0.15.
+#[test]
+fn an_encoder_with_an_open_phase_stops_a_slow_move() {
+    Stopped::of(REACH, What::OpenPhase { motor: 1 }).told("encoder 2 is stuck", 140..=160);
+}
+
+#[test]
+fn an_encoder_that_counts_backwards_stops_a_slow_move() {
+    let backwards = What::Counts { motor: 1, halves: -2 };
+    // The gyro sees the difference of both speeds before the push against the duty is long enough.
+    Stopped::of(REACH, backwards).told("gyro 2 measures another rotation than the encoders", 80..=150);
+}
+
+#[test]
+fn a_motor_with_swapped_leads_goes_against_its_duty() {
+    let swapped = Options { seed: 5, swapped_leads: Some(1), ..Options::default() };
+    Stopped::record(REACH, swapped).told_at("joint 2 goes against its duty", 50, 140..=300);
+}
+
+/// Half of the steps at half a radian a second: a tenth of a radian and more after half a second.
+#[test]
+fn an_encoder_that_counts_half_is_told_by_the_gyro() {
+    let half = What::Counts { motor: 1, halves: 1 };
+    Stopped::of(REACH, half).told("gyro 2 measures another rotation than the encoders", 300..=900);
+}
+
 /// The tick after the one that ran too long stops.
 #[test]
 fn a_tick_that_overruns_its_period_stops_the_motion() {
@@ -115,6 +172,41 @@ fn a_panic_lets_go_of_the_motors_and_its_place_is_told() {
     assert!(place.file.ends_with("board/emulated/line.rs") && place.line > 1, "{place:?}");
     let log = stopped.told("restarted (panic", 0..=0);
     assert_eq!(log.starts, [ResetReason::PowerOn, ResetReason::Software], "the processor reset itself, once");
+}
+
+/// The stack lies at the bottom of the RAM: the processor locks up, nothing is overwritten, and the watchdog resets it.
+#[test]
+fn a_stack_that_overflows_ends_in_a_reset() {
+    let (stopped, hello) = Stopped::by(What::StackOverflows).hello();
+    assert_eq!((hello.reset, hello.panic), (ResetReason::Watchdog, None));
+    let log = stopped.told("restarted (watchdog", 0..=0);
+    assert_eq!(log.starts, [ResetReason::PowerOn, ResetReason::Watchdog]);
+}
+
+/// The drivers are enabled from the start of the motion on, and let go half a second after a stop.
+#[test]
+fn drivers_are_enabled_for_a_motion_only() {
+    let stopped = Stopped::by(What::EmergencyStop);
+    let periods = stopped.machine.so_far(|log| log.periods.len());
+    wait_for(&stopped.machine, periods + 600);
+    let log = stopped.told("emergency stop", 0..=0);
+    let start = log.motion.unwrap();
+    assert!(log.periods[..start - 2].iter().all(|period| !period.armed), "before the start");
+    let braking = log.motion_from(AT).iter().take_while(|period| period.armed).count();
+    assert!(log.motion_from(0)[..AT as usize].iter().all(|period| period.armed));
+    assert!((495..=505).contains(&braking), "{braking} ticks");
+}
+
+/// A gyro whose supply comes late is missing at the start, a motion is refused, and once it answers one is played.
+#[test]
+fn a_gyro_that_comes_late_is_set_up_from_idle() {
+    let machine = Emulated::start(&Options { seed: 5, gyro1_from_tick: 700, ..Options::default() });
+    let Recorded { code, said, .. } = machine.record(&["--motion", SWING]);
+    assert!(code == Some(3) && said.contains("the sensors are not quiet"), "{said}");
+    wait_for(&machine, 1700);
+    let Recorded { code, said, .. } = machine.record(&["--motion", SWING]);
+    assert_eq!(code, Some(0), "{said}");
+    machine.finish();
 }
 
 /// The tick bears with a task for 10 ticks, then the watchdog is fed no more and bites after 16.

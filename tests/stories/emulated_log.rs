@@ -5,7 +5,7 @@ use tests::machine::{Emulated, Mishap, Options, Recorded, SWING, What, image};
 use tests::run_host;
 
 /// Recordings that are begun until the robot rests.
-const TRIES: usize = 20;
+const TRIES: usize = 400;
 
 fn elf() -> &'static str {
     image().to_str().expect("the workspace has a plain path")

@@ -75,6 +75,11 @@ pub fn tick(now_us: u32) {
     NOW_US.store(now_us, Relaxed);
 }
 
+/// Device time of the present tick, µs.
+pub fn now_us() -> u32 {
+    NOW_US.load(Relaxed)
+}
+
 /// Takes bytes of whole frames, at most what `out` holds; returns how many.
 pub fn take(out: &mut [u8]) -> usize {
     with_ring(|ring| ring.take(out))

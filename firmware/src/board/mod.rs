@@ -1,7 +1,7 @@
 //! The boards: the only rooms that touch a chip. The feature `emulated` picks the emulator's.
 //!
-//! Each has `start(core, device) -> Board`, `motors_off()`, which may be called from anywhere, and the types that
-//! [`Board`] holds. What they share is here.
+//! Each has `start(core, device) -> Board`, `motors_off()` and `supply_fell()`, which may be called from anywhere, whether
+//! its emergency stop must be tested (`STOP_TEST`), and the types that [`Board`] holds. What they share is here.
 
 #[cfg(not(feature = "emulated"))]
 mod f405;
@@ -30,6 +30,8 @@ pub struct Board {
     pub line_in: LineIn,
     /// Running already.
     pub watchdog: Watchdog,
+    /// What `idle` does with gyros that are missing.
+    pub search: gyro::Search<Bus>,
     /// Why the processor started, and where the firmware panicked before.
     pub started: (ResetReason, Option<PanicPlace>),
 }

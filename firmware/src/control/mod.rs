@@ -12,11 +12,12 @@ use protocol::{
 };
 
 use crate::config::{Config, Joint};
-use crate::constants::TICK_US;
+use crate::constants::{ARMED_TICKS, TICK_US};
 use crate::motion::{Player, Step};
 use crate::queues::{Reply, TickEnds};
 use crate::safety::{Deadline, GyroInput, Heartbeat, OnTime};
 use request::Upload;
+pub use sensors::Nearness;
 use sensors::Sensors;
 use stream::Stream;
 
@@ -31,6 +32,10 @@ pub struct Inputs {
     pub emergency_stop: bool,
     /// The supply is too low.
     pub brown_out: bool,
+    /// The clock is not the crystal's.
+    pub wrong_clock: bool,
+    /// The duty that was preloaded for this period did not become active: the period began too late.
+    pub dropped: bool,
     /// How long the tick before this one ran, µs.
     pub last_execution_us: u32,
 }
@@ -42,6 +47,8 @@ pub struct Outputs {
     pub duty: [Duty; MAX_JOINTS],
     /// Zero duty at once, do not wait for the next tick. `duty` is zero as well.
     pub stop: bool,
+    /// The drivers are to be enabled: from the start of a motion until the robot has come to rest after it.
+    pub armed: bool,
 }
 
 /// What the loop is doing.
@@ -70,6 +77,10 @@ pub struct ControlLoop {
     started: Option<ResetReason>,
     seq: u32,
     preloaded: [Duty; MAX_JOINTS],
+    /// Ticks for which the drivers stay enabled.
+    armed_ticks: u16,
+    /// The emergency stop was seen pressed, or need not be.
+    stop_tested: bool,
 }
 
 /// Time and number of the present tick, for what is reported from it.
@@ -97,6 +108,8 @@ impl ControlLoop {
             started: Some(config.hello.reset),
             seq: 0,
             preloaded: [Duty::ZERO; MAX_JOINTS],
+            armed_ticks: 0,
+            stop_tested: !config.stop_test,
         }
     }
 
@@ -117,8 +130,10 @@ impl ControlLoop {
     /// * **Budget**: 100 µs (a tenth of the period) at the highest priority of all tasks that share the core; nothing
     ///   the tick touches is locked by another task. No allocation, no blocking, no loop longer than the numbers of
     ///   joints, encoders and gyros; one message.
-    /// * **Overrun**: a tick half a period late, or one whose predecessor ran longer than the period, raises
-    ///   [`Fault::Overrun`] if a motion is under way: zero duty at once, latched.
+    /// * **Overrun**: a tick half a period late, one whose duty was dropped, or one whose predecessor ran longer than the
+    ///   period, raises [`Fault::Overrun`] if a motion is under way: zero duty at once, latched.
+    /// * **Drivers**: enabled from the start of a motion until [`ARMED_TICKS`] after its end, whatever ended it: a motor
+    ///   at zero duty is shorted and brakes, then its driver is switched off.
     /// * **Numbers**: the sequence number is this loop's own and counts every call, from 0, whether its sample is sent
     ///   or not.
     /// * **Sample** `k` carries the readings of tick k and the duty in force from t_k to t_{k+1}: what tick k−1
@@ -132,10 +147,11 @@ impl ControlLoop {
         }
 
         let timing = self.deadline.check(now_us, inputs.last_execution_us);
-        let in_force = self.preloaded;
-        let mut flags = self.sensors.read(inputs, &self.joints, &in_force);
-
+        let in_force = if inputs.dropped { [Duty::ZERO; MAX_JOINTS] } else { self.preloaded };
+        self.stop_tested |= inputs.emergency_stop;
         let was_busy = self.busy();
+        let mut flags = self.sensors.read(inputs, &self.joints, &in_force, was_busy);
+
         self.take_message(now, inputs, ends);
         if let Some(fault) = self.find_fault(now_us, inputs, timing) {
             self.raise(now, fault, ends);
@@ -148,7 +164,7 @@ impl ControlLoop {
         self.preloaded = duty;
 
         flags.set(Flags::STOPPED, stopped);
-        flags.set(Flags::OVERRUN, timing.overrun);
+        flags.set(Flags::OVERRUN, timing.overrun || inputs.dropped);
         flags.set(Flags::ZEROED, self.sensors.zero.is_some());
         flags.set(Flags::FAULT, self.fault.is_some());
         flags.set(Flags::RUNNING, phase.is_some());
@@ -165,7 +181,8 @@ impl ControlLoop {
             jitter_us: timing.jitter_us.clamp(i8::MIN.into(), i8::MAX.into()) as i8,
         };
         self.stream.offer(sample, ends);
-        Outputs { duty, stop: stopped || self.fault.is_some() }
+        self.armed_ticks = if self.busy() { ARMED_TICKS } else { self.armed_ticks.saturating_sub(1) };
+        Outputs { duty, stop: stopped || self.fault.is_some(), armed: self.armed_ticks > 0 }
     }
 
     /// What the loop is doing.
@@ -176,6 +193,11 @@ impl ControlLoop {
             (Activity::Waiting { at_seq }, None) => State::Waiting { at_seq: *at_seq },
             (Activity::Running(player), None) => State::Running { phase: player.phase() },
         }
+    }
+
+    /// How near the watches of the sensors are to their bounds.
+    pub fn nearness(&self) -> Nearness {
+        self.sensors.nearness()
     }
 
     /// Number of the next tick.
@@ -212,7 +234,7 @@ impl ControlLoop {
         if always.is_some() || !self.busy() {
             return always;
         }
-        let overrun = timing.overrun.then_some(Fault::Overrun);
+        let overrun = (timing.overrun || inputs.dropped).then_some(Fault::Overrun);
         let silent = silent.then_some(Fault::HeartbeatLost);
         overrun.or(self.sensors.fault()).or_else(|| self.limit_fault()).or(silent)
     }
@@ -220,7 +242,7 @@ impl ControlLoop {
     /// Faults that stand whether a motion is under way or not.
     fn standing_fault(&self, inputs: &Inputs) -> Option<Fault> {
         let stop = inputs.emergency_stop.then_some(Fault::EmergencyStop);
-        stop.or(inputs.brown_out.then_some(Fault::BrownOut))
+        stop.or(inputs.brown_out.then_some(Fault::BrownOut)).or(inputs.wrong_clock.then_some(Fault::Clock))
     }
 
     /// A joint beyond its limit by more than it may be, if it is known where the joints are.

@@ -27,14 +27,19 @@ pub(super) enum Upload {
 }
 
 impl ControlLoop {
-    /// Carries a request out, once per id, and answers it.
+    /// Carries a request out, a repeated one once, and answers it.
     pub(super) fn answer(&mut self, now: Now, id: u8, command: &Command, inputs: &Inputs, ends: &mut TickEnds<'_>) {
         if *command == Command::Status {
             reply(Reply::Status(self.status(now)), ends);
         }
-        let mut memory = self.memory;
-        let answer = memory.answer(id, || self.act(now, command, inputs, ends));
-        self.memory = memory;
+        let answer = match self.memory.recall(id, command) {
+            Some(answer) => answer,
+            None => {
+                let answer = self.act(now, command, inputs, ends);
+                self.memory.keep(id, command, answer);
+                answer
+            }
+        };
         reply(
             match answer {
                 Ok(()) => Reply::Accepted { id },
@@ -153,6 +158,9 @@ impl ControlLoop {
         self.not_busy()?;
         if let Some(fault) = self.fault.or_else(|| self.obstacle(now, inputs)) {
             return Err(Refusal::Fault(fault));
+        }
+        if !self.stop_tested {
+            return Err(Refusal::StopNotTested);
         }
         if motion == MotionId::NONE || motion != self.motion_id {
             return Err(Refusal::NoSuchMotion { asked: motion, there: self.motion_id });

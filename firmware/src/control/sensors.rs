@@ -7,18 +7,39 @@ use protocol::{Duty, Fault, MAX_ENCODERS, MAX_GYROS, MAX_JOINTS};
 use super::Inputs;
 use crate::config::{Config, Joint};
 use crate::motion::Positions;
-use crate::safety::{EncoderWatch, GyroInput, GyroWatch, Verdict};
+use crate::safety::{DriveWatch, EncoderWatch, GyroInput, GyroWatch, RotationWatch, Turn, Verdict};
 use crate::speed::Speed;
+
+/// How near the watches are to their bounds in this tick, each as a part of its bound: for whoever measures margins.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Nearness {
+    /// Push on an encoder that has not moved.
+    pub stuck: f32,
+    /// Push on a joint against its speed.
+    pub wrong_way: f32,
+    /// Difference between a gyro and the encoders.
+    pub rotation: f32,
+}
 
 /// The sensors of a robot.
 #[derive(Clone, Debug)]
 pub(super) struct Sensors {
     encoders: heapless::Vec<EncoderWatch, MAX_ENCODERS>,
     gyros: heapless::Vec<GyroWatch, MAX_GYROS>,
+    drives: heapless::Vec<DriveWatch, MAX_JOINTS>,
+    rotations: heapless::Vec<RotationWatch, MAX_GYROS>,
+    /// The gyro that is judged in this tick.
+    judged: usize,
+    turns: heapless::Vec<Turn, MAX_JOINTS>,
     encoder_joint: [usize; MAX_ENCODERS],
     encoder_verdicts: [Verdict; MAX_ENCODERS],
     gyro_verdicts: [Verdict; MAX_GYROS],
+    /// First joint that goes the wrong way, and first gyro that tells of another rotation than the encoders.
+    wrong_way: Option<u8>,
+    differs: Option<u8>,
     speed: [Speed; MAX_JOINTS],
+    /// Speeds of the joints lately, counts/s.
+    fastest: [u32; MAX_JOINTS],
     /// Last counts of every encoder.
     pub counts: [i32; MAX_ENCODERS],
     /// Last words of every gyro.
@@ -43,10 +64,17 @@ impl Sensors {
                 .map(|bounds| EncoderWatch::new(*bounds))
                 .collect(),
             gyros: config.hello.gyros.iter().map(|_| GyroWatch::new(config.gyro_bounds)).collect(),
+            drives: config.joints.iter().map(|joint| DriveWatch::new(joint.drive)).collect(),
+            rotations: config.rotations.clone(),
+            judged: 0,
+            turns: config.joints.iter().map(|joint| joint.turn).collect(),
             encoder_joint,
             encoder_verdicts: [Verdict::Good; MAX_ENCODERS],
             gyro_verdicts: [Verdict::Good; MAX_GYROS],
+            wrong_way: None,
+            differs: None,
             speed: [Speed::default(); MAX_JOINTS],
+            fastest: [0; MAX_JOINTS],
             counts: [0; MAX_ENCODERS],
             words: [[0; 3]; MAX_GYROS],
             zero: None,
@@ -55,8 +83,9 @@ impl Sensors {
         }
     }
 
-    /// Takes the readings of a tick; `in_force` is the duty that drives the joints.
-    pub fn read(&mut self, inputs: &Inputs, joints: &[Joint], in_force: &[Duty; MAX_JOINTS]) -> Flags {
+    /// Takes the readings of a tick; `in_force` is the duty that drives the joints, and `moving` whether a motion is
+    /// under way.
+    pub fn read(&mut self, inputs: &Inputs, joints: &[Joint], in_force: &[Duty; MAX_JOINTS], moving: bool) -> Flags {
         let mut flags = Flags::empty();
         for (index, watch) in self.encoders.iter_mut().enumerate() {
             let duty = in_force.get(self.encoder_joint[index]).map_or(0, |duty| duty.0);
@@ -75,13 +104,55 @@ impl Sensors {
             flags.set(Flags::gyro_saturated(index), matches!(verdict, Verdict::Saturated | Verdict::OutOfRange));
         }
         let zero = self.zero.unwrap_or_default();
+        let mut steps = [0; MAX_JOINTS];
+        self.wrong_way = None;
         for (index, joint) in joints.iter().enumerate() {
             let moved = self.counts[joint.encoder].wrapping_sub(zero[joint.encoder]);
             let position = if joint.reversed { moved.wrapping_neg() } else { moved };
+            steps[index] = position.wrapping_sub(self.positions[index]);
             self.positions[index] = position;
             self.speeds[index] = self.speed[index].update(position);
+            let (speed, duty) = (self.speeds[index], in_force[index].0);
+            let is_wrong_way = self.drives[index].is_wrong_way(speed, duty, index, &mut self.fastest);
+            if is_wrong_way && self.wrong_way.is_none() {
+                self.wrong_way = Some(index as u8);
+            }
         }
+        let strongest = in_force.iter().copied().max_by_key(|duty| duty.0.unsigned_abs()).unwrap_or_default();
+        self.compare(joints, &steps, strongest, moving);
         flags
+    }
+
+    /// Holds the gyros against the encoders while a motion is under way, one a tick in turn, and takes their zero while the
+    /// joints rest.
+    fn compare(&mut self, joints: &[Joint], steps: &[i32; MAX_JOINTS], strongest: Duty, moving: bool) {
+        let at_rest = self.at_rest(joints);
+        self.differs = None;
+        if !moving {
+            self.wait(at_rest);
+            return;
+        }
+        let is_held = joints.iter().all(|joint| strongest.0.unsigned_abs() <= joint.drive.standing_duty.unsigned_abs());
+        self.judged = if self.judged + 1 < self.rotations.len() { self.judged + 1 } else { 0 };
+        for (index, watch) in self.rotations.iter_mut().enumerate() {
+            let words = (self.gyro_verdicts[index] == Verdict::Good).then_some(self.words[index]);
+            if at_rest && is_held {
+                watch.pauses(words);
+            }
+            watch.moves(words, steps);
+            if index == self.judged && watch.differs(&self.turns, &self.positions, strongest) {
+                self.differs = Some(index as u8);
+            }
+        }
+    }
+
+    /// A tick without a motion.
+    #[inline(never)]
+    fn wait(&mut self, at_rest: bool) {
+        for (index, watch) in self.rotations.iter_mut().enumerate() {
+            let words = (self.gyro_verdicts[index] == Verdict::Good).then_some(self.words[index]);
+            if at_rest { watch.at_rest(words) } else { watch.begin_anew() }
+        }
     }
 
     /// An encoder jumped in this tick: its count is no longer a position.
@@ -100,6 +171,9 @@ impl Sensors {
                 Verdict::Good | Verdict::Missing | Verdict::Saturated => {}
             }
         }
+        if let Some(joint) = self.wrong_way {
+            return Some(Fault::WrongWay { joint });
+        }
         for (gyro, verdict) in (0u8..).zip(self.gyro_verdicts) {
             match verdict {
                 Verdict::Stale => return Some(Fault::GyroStale { gyro }),
@@ -109,14 +183,29 @@ impl Sensors {
                 Verdict::Good | Verdict::Missing | Verdict::Saturated => {}
             }
         }
-        None
+        self.differs.map(|gyro| Fault::RotationMismatch { gyro })
     }
 
-    /// Whether every sensor answers and every joint is at rest.
+    /// How near the watches are to a fault that a healthy robot must not have.
+    pub fn nearness(&self) -> Nearness {
+        let largest = |parts: &mut dyn Iterator<Item = f32>| parts.fold(0.0, f32::max);
+        Nearness {
+            stuck: largest(&mut self.encoders.iter().map(EncoderWatch::nearness)),
+            wrong_way: largest(&mut self.drives.iter().map(DriveWatch::nearness)),
+            rotation: largest(&mut self.rotations.iter().map(RotationWatch::nearness)),
+        }
+    }
+
+    /// Whether every sensor answers, and every joint and every body with a gyro is at rest.
     pub fn quiet(&self, joints: &[Joint]) -> bool {
-        let at_rest = |(joint, speed): (&Joint, &i32)| speed.unsigned_abs() <= joint.quiet_counts_per_s.unsigned_abs();
         let heard = self.encoder_verdicts.iter().all(|verdict| *verdict == Verdict::Good);
-        heard && self.fault().is_none() && joints.iter().zip(&self.speeds).all(at_rest)
+        let still = self.rotations.iter().all(RotationWatch::is_quiet);
+        heard && still && self.fault().is_none() && self.at_rest(joints)
+    }
+
+    fn at_rest(&self, joints: &[Joint]) -> bool {
+        let at_rest = |(joint, speed): (&Joint, &i32)| speed.unsigned_abs() <= joint.quiet_counts_per_s.unsigned_abs();
+        joints.iter().zip(&self.speeds).all(at_rest)
     }
 
     /// Takes the present counts as zero.

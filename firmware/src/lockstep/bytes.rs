@@ -29,6 +29,12 @@ impl<'a> Writer<'a> {
         Ok(())
     }
 
+    /// A flag, and the bytes, or as many zeros.
+    pub fn optional<const N: usize>(&mut self, bytes: Option<[u8; N]>) -> Result<(), Malformed> {
+        self.put([u8::from(bytes.is_some())])?;
+        self.put(bytes.unwrap_or([0; N]))
+    }
+
     /// Puts the length in its place; returns that of the whole.
     pub fn finish(self) -> Result<usize, Malformed> {
         const { assert!(MAX_MESSAGE <= u8::MAX as usize) };
@@ -46,6 +52,20 @@ impl Reader<'_> {
         let (taken, rest) = self.0.split_first_chunk().ok_or(Malformed)?;
         self.0 = rest;
         Ok(*taken)
+    }
+
+    pub fn flag(&mut self) -> Result<bool, Malformed> {
+        match self.take()? {
+            [0] => Ok(false),
+            [1] => Ok(true),
+            _ => Err(Malformed),
+        }
+    }
+
+    /// What [`Writer::optional`] wrote.
+    pub fn optional<const N: usize>(&mut self) -> Result<Option<[u8; N]>, Malformed> {
+        let (there, bytes) = (self.flag()?, self.take()?);
+        Ok(there.then_some(bytes))
     }
 
     pub fn u32(&mut self) -> Result<u32, Malformed> {

@@ -17,7 +17,7 @@
 //!   │len  │kind  │time µs │ body …                len: bytes that follow it
 //!   │     │ 0    │        │                       Start:  the processor was reset                          ▶ Started
 //!   │     │ 1    │        │ wait µs u32           Delay:  a driver waits, before the first tick
-//!   │     │ 2    │        │ bytes …               Spi:    shifted out on the SPI                           ▶ Answer
+//!   │     │ 2    │        │ bytes …               Spi:    shifted out on the SPI, to set a gyro up         ▶ Answer
 //!   │     │ 3    │        │ address read bytes …  I2c:    written on the I²C, then so many read            ▶ Answer
 //!   │     │ 4    │        │ see Tick              Tick:   a period began                                   ▶ Sensors
 //!   │     │ 5    │        │                       Stop:   zero duty at the pins, now

@@ -8,16 +8,19 @@ fn transfer() -> impl Strategy<Value = Transfer> {
 }
 
 fn tick() -> impl Strategy<Value = Tick> {
-    let counts = any::<(bool, u32, u32, u16)>();
-    (any::<[i16; MOTORS]>(), counts, any::<[u8; 10]>(), any::<[u8; 2]>()).prop_map(|(duty, counts, spi, i2c)| Tick {
-        duty: duty.map(Duty),
-        fed: counts.0,
-        begin_cycles: counts.1,
-        tick_cycles: counts.2,
-        stack_bytes: counts.3,
-        spi,
-        i2c,
-    })
+    let counts = any::<([bool; 2], u32, u32, u16)>();
+    (any::<[i16; MOTORS]>(), counts, any::<Option<[u8; 10]>>(), any::<Option<[u8; 2]>>()).prop_map(
+        |(duty, counts, spi, i2c)| Tick {
+            duty: duty.map(Duty),
+            fed: counts.0[0],
+            armed: counts.0[1],
+            begin_cycles: counts.1,
+            tick_cycles: counts.2,
+            stack_bytes: counts.3,
+            spi,
+            i2c,
+        },
+    )
 }
 
 fn request() -> impl Strategy<Value = Request> {
@@ -43,6 +46,7 @@ fn sensors() -> impl Strategy<Value = Sensors> {
         Just(Ordeal::PanicInCommands),
         Just(Ordeal::TelemetryHangs),
         Just(Ordeal::Halt),
+        Just(Ordeal::StackOverflows),
     ];
     let bursts = any::<(Option<[u8; 10]>, Option<[u8; 16]>)>();
     let host = prop::collection::vec(any::<u8>(), 0..=MAX_HOST_BYTES);
@@ -113,16 +117,17 @@ fn the_bytes_are_those_of_the_tables() {
     let tick = Tick {
         duty: [Duty(1), Duty(-2), Duty(3)],
         fed: true,
+        armed: false,
         begin_cycles: 0x0403_0201,
         tick_cycles: 5,
         stack_bytes: 6,
-        spi: [7; 10],
-        i2c: [0x68, 0x02],
+        spi: Some([7; 10]),
+        i2c: Some([0x68, 0x02]),
     };
     let bytes = body(|out| Request { t_us: 1000, kind: Kind::Tick(tick) }.write(out));
-    let head = [4, 0xE8, 3, 0, 0, 1, 0, 0xFE, 0xFF, 3, 0, 1, 1, 2, 3, 4, 5, 0, 0, 0, 6, 0];
-    assert_eq!(bytes[..22], head);
-    assert_eq!((bytes[22], bytes[31], bytes[32], bytes[33], bytes.len()), (7, 7, 0x68, 2, 34));
+    let head = [4, 0xE8, 3, 0, 0, 1, 0, 0xFE, 0xFF, 3, 0, 1, 0, 1, 2, 3, 4, 5, 0, 0, 0, 6, 0];
+    assert_eq!(bytes[..23], head);
+    assert_eq!(bytes[23..], [1, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 1, 0x68, 2]);
     let sensors = Sensors {
         counters: [1, 2, 3],
         spi: Some([4; 10]),

@@ -18,9 +18,9 @@ pub const I2C_BURST: usize = 16;
 /// What the board says at t_k.
 ///
 /// ```text
-///    6      12     13              17              21             23         33       34
-///   │duty  │fed   │cycles of the  │cycles of the  │deepest stack│SPI burst │address │register
-///   │3×i16 │bool  │last begin u32 │last tick u32  │bytes u16    │10 bytes  │        │
+///    6      12    13     14              18              22             24     25         35     36       37
+///   │duty  │fed  │armed │cycles of the  │cycles of the  │deepest stack│SPI   │SPI burst │I²C   │address │register
+///   │3×i16 │bool │bool  │last begin u32 │last tick u32  │bytes u16    │bool  │10 bytes  │bool  │        │
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Tick {
@@ -28,16 +28,18 @@ pub struct Tick {
     pub duty: [Duty; MOTORS],
     /// The watchdog was fed since the last period.
     pub fed: bool,
+    /// The drivers are enabled.
+    pub armed: bool,
     /// Cycles of the period before: of its first phase, without the exchange.
     pub begin_cycles: u32,
     /// Of its second phase.
     pub tick_cycles: u32,
     /// High-water mark of the stack, bytes.
     pub stack_bytes: u16,
-    /// What the firmware shifts out to read the gyro on SPI.
-    pub spi: [u8; SPI_BURST],
-    /// Address of the gyro on I²C, and the register from which [`I2C_BURST`] bytes are read.
-    pub i2c: [u8; 2],
+    /// What the firmware shifts out to read the gyro on SPI; none while the tick does not have this bus.
+    pub spi: Option<[u8; SPI_BURST]>,
+    /// Address of the gyro on I²C, and the register from which [`I2C_BURST`] bytes are read; none as above.
+    pub i2c: Option<[u8; 2]>,
 }
 
 /// What the world answers: everything that the pins show in this period. Places count from behind the length.
@@ -51,9 +53,9 @@ pub struct Tick {
 pub struct Sensors {
     /// Hardware counters of the encoders at t_k.
     pub counters: [u16; MOTORS],
-    /// Answer of the gyro on SPI; none if the transfer did not end.
+    /// Answer of the gyro on SPI; none if the transfer did not begin or end.
     pub spi: Option<[u8; SPI_BURST]>,
-    /// Answer of the gyro on I²C; none if nobody acknowledged or the transfer did not end.
+    /// Answer of the gyro on I²C; none if nobody acknowledged or the transfer did not begin or end.
     pub i2c: Option<[u8; I2C_BURST]>,
     /// [`PINS_EMERGENCY_STOP`], [`PINS_BROWN_OUT`].
     pub pins: u8,
@@ -74,6 +76,8 @@ pub enum Ordeal {
     Delay(u16),
     /// The next call for received bytes panics.
     PanicInCommands,
+    /// The next call for received bytes takes more stack than there is.
+    StackOverflows,
     /// The next bytes to be sent never leave: the telemetry task hangs.
     TelemetryHangs,
     /// The watchdog has bitten: the processor does nothing until its reset.
@@ -85,12 +89,12 @@ impl Tick {
         for duty in self.duty {
             w.put(duty.0.to_le_bytes())?;
         }
-        w.put([u8::from(self.fed)])?;
+        w.put([u8::from(self.fed), u8::from(self.armed)])?;
         w.put(self.begin_cycles.to_le_bytes())?;
         w.put(self.tick_cycles.to_le_bytes())?;
         w.put(self.stack_bytes.to_le_bytes())?;
-        w.put(self.spi)?;
-        w.put(self.i2c)
+        w.optional(self.spi)?;
+        w.optional(self.i2c)
     }
 
     pub(super) fn read(r: &mut Reader<'_>) -> Result<Self, Malformed> {
@@ -100,12 +104,13 @@ impl Tick {
         }
         Ok(Self {
             duty,
-            fed: flag(r)?,
+            fed: r.flag()?,
+            armed: r.flag()?,
             begin_cycles: r.u32()?,
             tick_cycles: r.u32()?,
             stack_bytes: u16::from_le_bytes(r.take()?),
-            spi: r.take()?,
-            i2c: r.take()?,
+            spi: r.optional()?,
+            i2c: r.optional()?,
         })
     }
 }
@@ -121,16 +126,15 @@ impl Sensors {
         for counter in self.counters {
             w.put(counter.to_le_bytes())?;
         }
-        w.put([u8::from(self.spi.is_some())])?;
-        w.put(self.spi.unwrap_or_default())?;
-        w.put([u8::from(self.i2c.is_some())])?;
-        w.put(self.i2c.unwrap_or_default())?;
+        w.optional(self.spi)?;
+        w.optional(self.i2c)?;
         let (ordeal, by) = match self.ordeal {
             Ordeal::None => (0, 0),
             Ordeal::Delay(us) => (1, us),
             Ordeal::PanicInCommands => (2, 0),
             Ordeal::TelemetryHangs => (3, 0),
             Ordeal::Halt => (4, 0),
+            Ordeal::StackOverflows => (5, 0),
         };
         w.put([self.pins, ordeal])?;
         w.put(u16::to_le_bytes(by))?;
@@ -150,10 +154,8 @@ impl Sensors {
         for counter in &mut sensors.counters {
             *counter = u16::from_le_bytes(r.take()?);
         }
-        let (spi_ok, spi) = (flag(&mut r)?, r.take()?);
-        sensors.spi = spi_ok.then_some(spi);
-        let (i2c_ok, i2c) = (flag(&mut r)?, r.take()?);
-        sensors.i2c = i2c_ok.then_some(i2c);
+        sensors.spi = r.optional()?;
+        sensors.i2c = r.optional()?;
         let [pins, ordeal] = r.take()?;
         let by = u16::from_le_bytes(r.take()?);
         sensors.pins = pins;
@@ -163,6 +165,7 @@ impl Sensors {
             2 => Ordeal::PanicInCommands,
             3 => Ordeal::TelemetryHangs,
             4 => Ordeal::Halt,
+            5 => Ordeal::StackOverflows,
             _ => return Err(Malformed),
         };
         let [count] = r.take()?;
@@ -187,13 +190,5 @@ impl Answer {
 impl From<Option<Transfer>> for Answer {
     fn from(answer: Option<Transfer>) -> Self {
         answer.map_or(Self::Nothing, Self::Bytes)
-    }
-}
-
-fn flag(r: &mut Reader<'_>) -> Result<bool, Malformed> {
-    match r.take()? {
-        [0] => Ok(false),
-        [1] => Ok(true),
-        _ => Err(Malformed),
     }
 }

@@ -2,6 +2,6 @@
 
 mod player;
 pub mod preset;
-mod sine;
+pub(crate) mod sine;
 
 pub use player::{Player, Positions, Step};

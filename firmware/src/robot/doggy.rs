@@ -5,18 +5,42 @@
 use protocol::motion::Limits;
 use protocol::{EncoderInfo, GyroInfo, Side};
 
-use crate::config::{Config, JointSetup};
+use crate::config::{Config, GyroSetup, JointSetup};
+use crate::constants::GYRO_SATURATED_AT;
 use crate::driver::GyroRange;
+use crate::safety::Axis;
 
 /// Range of both gyros.
 pub const GYRO_RANGE: GyroRange = GyroRange::Dps1000;
 
+/// Joints, each with a motor and an encoder on it.
+pub const JOINTS: usize = 3;
+/// Gyros.
+pub const GYROS: usize = 2;
+
+/// By joint, then link: torque that an acceleration of the link puts on the joint, over the joint's 150 N m, s².
+const CARRIED_S2: [[f32; JOINTS]; JOINTS] = [
+    [0.007_005_655_7, 0.002_191_493, 0.002_614_985_5],
+    [0.002_191_493, 0.004_895_957, 9.791_244e-7],
+    [0.002_614_985_5, 9.791_244e-7, 0.004_629_715],
+];
+
 /// What the control core must know of Doggy.
 #[inline(never)]
 pub fn doggy() -> Config {
-    let joint = |max: f32, coast_s: f32| JointSetup { coast_s, ..JointSetup::new(Limits { min: -max, max }) };
+    let joint = |index: usize, axis, max: f32, coast_s: f32, held_s: f32| {
+        let mut setup = JointSetup::new(Limits { min: -max, max }, Axis::Turns(axis));
+        (setup.coast_s, setup.held_s) = (coast_s, held_s);
+        setup.carried_s2[..JOINTS].copy_from_slice(&CARRIED_S2[index]);
+        setup
+    };
+    // What belts and links bear is the largest over all poses, with all figures 15 % on the worse side.
     // (b + inertia of the links in the zero position) / k_mi, with b = 2.428 kg m² and k_mi = 31.328 N m s/rad.
-    let joints = [joint(1.0, 0.093_661_83), joint(0.6, 0.094_860_73), joint(0.6, 0.093_916_79)];
+    let joints: [_; JOINTS] = [
+        joint(0, [0.0, 0.0, 1.0], 1.0, 0.093_661_83, 0.028_697_098),
+        joint(1, [0.0, 1.0, 0.0], 0.6, 0.094_860_73, 0.026_095_929),
+        joint(2, [-1.0, 0.0, 0.0], 0.6, 0.093_916_79, 0.034_540_802),
+    ];
     let encoders = [0, 1, 2].map(|joint| EncoderInfo {
         joint,
         side: Side::Motor,
@@ -24,12 +48,15 @@ pub fn doggy() -> Config {
         gear: 42.092,
         offset_us: 0,
     });
-    let gyros = [0, 2].map(|body| GyroInfo {
-        body,
-        rad_s_per_lsb: GYRO_RANGE.lsb_rad_s(),
-        saturated_at: i16::MAX as u16,
-        offset_us: 0,
-    });
+    let gyro = |body, mount, give_rad| {
+        let rad_s_per_lsb = GYRO_RANGE.lsb_rad_s();
+        let info = GyroInfo { body, rad_s_per_lsb, saturated_at: GYRO_SATURATED_AT, offset_us: 0 };
+        GyroSetup { info, mount, give_rad, sag_rad: 0.0 }
+    };
+    let gyros: [_; GYROS] = [
+        gyro(0, [[-1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, -1.0, 0.0]], 0.184_447_12),
+        gyro(2, [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], 0.256_533_86),
+    ];
     match Config::new("doggy", &joints, &encoders, &gyros) {
         Ok(config) => config,
         // Nothing here depends on an input: the test below builds it.

@@ -7,13 +7,21 @@ use crate::driver::{GyroReading, INVALID_WORD};
 pub struct EncoderBounds {
     /// Most counts from one tick to the next.
     pub max_step_counts: i32,
-    /// Duty (magnitude, steps of 10⁻⁴) that surely moves the joint.
-    pub moving_duty: i16,
-    /// Ticks at such a duty without a single count after which the encoder counts as stuck; 0: never.
-    pub stuck_ticks: u16,
+    /// Largest duty (magnitude, steps of 10⁻⁴) at which the joint may stand: friction, and gravity, hold it.
+    pub standing_duty: i16,
+    /// Push, the sum over ticks of the duty beyond `standing_duty` in one direction, steps · ticks, under which the
+    /// count must have moved by more than [`STILL_COUNTS`]; 0: never.
+    pub stuck_push: u32,
+    /// Square of the push for which a belt that swings may hold the motor at a standstill, for each step of the largest
+    /// duty in it, (steps · ticks)² / step.
+    pub held_push_squared: u64,
     /// Ticks without a reading after which the encoder does not answer.
     pub stale_ticks: u16,
 }
+
+/// A quadrature counter with one open phase goes to and fro by a count, and noise at an edge by another one: a count
+/// that stays within so many counts of where it was has not moved.
+pub const STILL_COUNTS: u32 = 2;
 
 /// What a tick has of a gyroscope.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -56,19 +64,35 @@ pub enum Verdict {
     OutOfRange,
 }
 
-/// Watches a motor encoder.
+/// Watches an encoder.
+///
+/// ```text
+///   duty ──▶ − standing duty ──▶ Σ over ticks, as long as the count stays within ±2 of the anchor ──▶ ≥ bound: stuck
+///                                 anew where the count leaves it, the duty falls below or changes its sign
+/// ```
+///
+/// What moves a joint is the push in one direction: a duty that alternates faster than the joint can follow adds up to
+/// nothing, and carries it nowhere.
+///
+/// A belt at the top of its swing may hold a motor against its duty u: while its torque u τ cos ω t is within twice the
+/// friction μ of the motor's, friction does the rest. That takes 4 √(μ / u τ) / ω, a push of 4 √(u μ / τ) / ω.
 #[derive(Clone, Copy, Debug)]
 pub struct EncoderWatch {
     bounds: EncoderBounds,
     last: Option<i32>,
-    unmoved: u16,
+    /// Where the count stood when the present push began.
+    anchor: i32,
+    /// Duty beyond the standing duty, summed over ticks, steps; with its sign.
+    push: i64,
+    /// Largest duty in this push, magnitude.
+    strongest: u16,
     missing: u16,
 }
 
 impl EncoderWatch {
     /// Nothing seen yet.
     pub const fn new(bounds: EncoderBounds) -> Self {
-        EncoderWatch { bounds, last: None, unmoved: 0, missing: 0 }
+        EncoderWatch { bounds, last: None, anchor: 0, push: 0, strongest: 0, missing: 0 }
     }
 
     /// Takes the counts of this tick, or `None` if there are none, and the duty (steps of 10⁻⁴) that drives
@@ -87,11 +111,36 @@ impl EncoderWatch {
         if step.unsigned_abs() > reach.unsigned_abs() {
             return Verdict::OutOfRange;
         }
-        let driven = duty_in_force.unsigned_abs() >= self.bounds.moving_duty.unsigned_abs();
-        self.unmoved = if driven && step == 0 { self.unmoved.saturating_add(1) } else { 0 };
-        let stuck = self.bounds.stuck_ticks > 0 && self.unmoved >= self.bounds.stuck_ticks;
-        if stuck { Verdict::Stuck } else { Verdict::Good }
+        if self.is_stuck(counts, duty_in_force) { Verdict::Stuck } else { Verdict::Good }
     }
+
+    /// The present push, as a part of that under which the count must have moved.
+    pub fn nearness(&self) -> f32 {
+        let held = self.bounds.held_push_squared.saturating_mul(self.strongest.into()).isqrt();
+        self.push.unsigned_abs() as f32 / held.max(self.bounds.stuck_push.into()).max(1) as f32
+    }
+
+    fn is_stuck(&mut self, counts: i32, duty_in_force: i16) -> bool {
+        let added = i64::from(excess(duty_in_force, self.bounds.standing_duty));
+        let moved = counts.wrapping_sub(self.anchor).unsigned_abs() > STILL_COUNTS;
+        if moved || added == 0 || added.signum() != self.push.signum() {
+            (self.anchor, self.push, self.strongest) = (counts, added, 0);
+        } else {
+            self.push = self.push.saturating_add(added);
+        }
+        self.strongest = self.strongest.max(duty_in_force.unsigned_abs());
+        let push = self.push.unsigned_abs();
+        self.bounds.stuck_push > 0 && push >= u64::from(self.bounds.stuck_push) && {
+            let held = self.bounds.held_push_squared.saturating_mul(self.strongest.into());
+            push.saturating_mul(push) >= held
+        }
+    }
+}
+
+/// What of a duty is beyond the one at which a joint may stand, with its sign; zero below.
+pub(super) fn excess(duty: i16, standing_duty: i16) -> i32 {
+    let beyond = i32::from(duty).abs() - i32::from(standing_duty).abs();
+    beyond.max(0) * i32::from(duty).signum()
 }
 
 /// Bounds of a gyroscope watch.
@@ -157,8 +206,13 @@ impl GyroWatch {
 mod tests {
     use super::*;
 
-    const ENCODER: EncoderBounds =
-        EncoderBounds { max_step_counts: 200, moving_duty: 1000, stuck_ticks: 100, stale_ticks: 3 };
+    const ENCODER: EncoderBounds = EncoderBounds {
+        max_step_counts: 200,
+        standing_duty: 600,
+        stuck_push: 135_000,
+        held_push_squared: 0,
+        stale_ticks: 3,
+    };
     const GYRO: GyroBounds = GyroBounds { stale_ticks: 3, stuck_ticks: 50, saturated_ticks: 20, max_word: 32_767 };
 
     #[test]
@@ -171,17 +225,54 @@ mod tests {
         assert_eq!(watch.check(Some(i32::MIN), 0), Verdict::OutOfRange);
     }
 
-    #[test]
-    fn an_encoder_is_stuck_only_while_the_motor_is_driven() {
+    /// Ticks at this duty until an encoder that says `count(k)` is stuck; none within a second.
+    fn stuck_after(duty: i16, count: impl Fn(i32) -> i32) -> Option<i32> {
         let mut watch = EncoderWatch::new(ENCODER);
-        for _ in 0..1000 {
-            assert_eq!(watch.check(Some(7), 999), Verdict::Good);
+        watch.check(Some(count(0)), 0);
+        (1..=1000).find(|k| watch.check(Some(count(*k)), duty) == Verdict::Stuck)
+    }
+
+    #[test]
+    fn a_count_that_stands_is_stuck_the_sooner_the_more_the_motor_is_driven() {
+        for count in [|_| 7, |k: i32| 7 + (k & 1), |k: i32| i32::MAX.wrapping_add(k & 1)] {
+            assert_eq!(stuck_after(9000, count), Some(17), "0.84 · 17 ms > 13.5 ms");
+            assert_eq!(stuck_after(-1500, count), Some(150), "0.09 · 150 ms = 13.5 ms");
+            assert_eq!(stuck_after(600, count), None, "friction may hold it");
         }
-        for _ in 0..99 {
-            assert_eq!(watch.check(Some(7), -1000), Verdict::Good);
+    }
+
+    /// A belt that holds the motor for a push of 25 ms at full duty.
+    #[test]
+    fn a_count_that_a_belt_may_hold_is_stuck_later() {
+        let held = EncoderBounds { held_push_squared: 250_000 * 250_000 / 10_000, ..ENCODER };
+        let stuck_after = |duty| {
+            let mut watch = EncoderWatch::new(held);
+            watch.check(Some(7), 0);
+            (1..=1000).find(|_| watch.check(Some(7), duty) == Verdict::Stuck)
+        };
+        assert_eq!(stuck_after(9000), Some(29), "25 ms · √0.9 at 0.84");
+        assert_eq!(stuck_after(1500), Some(150), "25 ms · √0.15 are less than 13.5 ms");
+    }
+
+    #[test]
+    fn a_count_that_moves_by_three_within_the_push_is_not_stuck() {
+        assert_eq!(stuck_after(9000, |k| 7 - k / 5), None, "three counts in 15 ticks");
+        assert_eq!(stuck_after(9000, |k| 7 - k / 6), Some(17), "two in 17");
+    }
+
+    #[test]
+    fn pushes_to_and_fro_do_not_add_up() {
+        let mut watch = EncoderWatch::new(ENCODER);
+        for k in 0..1000 {
+            // 16 ticks of 0.84 each way: 13.44 ms.
+            let duty = if k / 16 % 2 == 0 { 9000 } else { -9000 };
+            assert_eq!(watch.check(Some(7), duty), Verdict::Good, "tick {k}");
         }
-        assert_eq!(watch.check(Some(7), -1000), Verdict::Stuck);
-        assert_eq!(watch.check(Some(8), -1000), Verdict::Good);
+        for _ in 0..16 {
+            watch.check(Some(7), 9000);
+        }
+        assert_eq!(watch.check(Some(7), 9000), Verdict::Stuck);
+        assert_eq!(watch.check(Some(10), 9000), Verdict::Good);
     }
 
     #[test]

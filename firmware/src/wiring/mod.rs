@@ -11,6 +11,7 @@
 //! A board has one folder under `src/board/` with `start` and `motors_off` beside these traits; see
 //! `firmware/PORTING.md`.
 
+pub mod absence;
 pub mod budget;
 pub mod check_in;
 pub mod i2c;
@@ -38,6 +39,9 @@ pub trait Pins {
 
     /// The I²C interrupts, on boards that have one transfer driven by interrupts.
     fn bus_event(&mut self) {}
+
+    /// The end of a burst that DMA has moved, on boards that have one.
+    fn burst_over(&mut self) {}
 }
 
 /// Latest end of a bus transfer after the start of the period, µs: 60 % of it.

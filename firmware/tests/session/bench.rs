@@ -1,6 +1,7 @@
 //! Robot, core and a small host on one bench, joined by bytes.
 
-use firmware::{Config, ControlCore, GyroInput, Inputs, JointSetup, Outputs};
+use firmware::safety::Axis;
+use firmware::{Config, ControlCore, GyroInput, GyroSetup, Inputs, JointSetup, Outputs};
 use protocol::frame::{CRC_BYTES, Decoder, MAX_PAYLOAD};
 use protocol::message::{self, MAX_TO_DEVICE_FRAME, MAX_TO_HOST_FRAME};
 use protocol::motion::Limits;
@@ -8,10 +9,10 @@ use protocol::request::Heartbeat;
 use protocol::sample::Layout;
 use protocol::{
     Command, Duty, EncoderInfo, Event, EventKind, GyroInfo, MAX_JOINTS, Motion, MotionId, Refusal, Report, Sample,
-    Side, Status, ToDevice, ToHost,
+    Side, State, Status, ToDevice, ToHost,
 };
 
-use crate::plant::Plant;
+use crate::plant::{ALONG, AXES, Plant, RAD_S_PER_LSB};
 
 pub const MOTION: MotionId = MotionId(7);
 
@@ -28,8 +29,20 @@ pub struct Disturbance {
     pub inputs: Option<Change>,
 }
 
+/// Which motor each driver turns, and which way.
+#[derive(Clone, Copy)]
+pub struct Wires {
+    pub motors: [usize; 3],
+    pub leads: [f64; 3],
+}
+
+impl Wires {
+    pub const RIGHT: Wires = Wires { motors: [0, 1, 2], leads: [1.0; 3] };
+}
+
 pub struct Bench {
     pub core: ControlCore,
+    pub wires: Wires,
     pub plant: Plant,
     pub limits: Vec<Limits>,
     pub disturb: Disturbance,
@@ -48,17 +61,41 @@ pub struct Bench {
 
 impl Bench {
     pub fn new(plant: Plant) -> Self {
+        Self::with(plant, false)
+    }
+
+    /// Doggy on a board whose emergency stop must be tested.
+    pub fn untested() -> Self {
+        Self::with(Plant::doggy(3, 1), true)
+    }
+
+    fn with(plant: Plant, stop_test: bool) -> Self {
         let n = plant.joints.len();
         let limits: Vec<_> = [1.0, 0.6, 0.6][..n].iter().map(|max| Limits { min: -max, max: *max }).collect();
-        let setups: Vec<_> = limits.iter().map(|limits| JointSetup::new(*limits)).collect();
+        let setup = |(joint, limits): (usize, &Limits)| {
+            let mut setup = JointSetup::new(*limits, Axis::Turns(AXES[joint]));
+            let described = &plant.described[joint];
+            (setup.coast_s, setup.held_s) = (described.coast_s(), described.held_s());
+            setup.carried_s2[joint] = described.carried_s2();
+            setup
+        };
+        let setups: Vec<_> = limits.iter().enumerate().map(setup).collect();
         let encoder =
             |joint| EncoderInfo { joint, side: Side::Motor, counts_per_turn: 1024, gear: 42.092, offset_us: 0 };
         let encoders: Vec<_> = (0..n as u8).map(encoder).collect();
-        let gyro = |body| GyroInfo { body, rad_s_per_lsb: 5.33e-4, saturated_at: 32_767, offset_us: 20 };
-        let config = Config::new("bench", &setups, &encoders, &[gyro(0), gyro(n as u8 - 1)]).unwrap();
+        let gyro = |body| {
+            let info = GyroInfo { body, rad_s_per_lsb: RAD_S_PER_LSB, saturated_at: 32_767, offset_us: 20 };
+            // The axes are at right angles.
+            let give_rad =
+                plant.described[..=usize::from(body)].iter().map(|joint| joint.give_rad().powi(2)).sum::<f32>().sqrt();
+            GyroSetup { info, mount: ALONG, give_rad, sag_rad: 0.0 }
+        };
+        let mut config = Config::new("bench", &setups, &encoders, &[gyro(0), gyro(n as u8 - 1)]).unwrap();
+        config.stop_test(stop_test);
         Bench {
             layout: config.layout(),
             core: ControlCore::new(&config),
+            wires: Wires::RIGHT,
             plant,
             limits,
             disturb: Disturbance::default(),
@@ -108,13 +145,28 @@ impl Bench {
         if self.outputs.stop {
             self.in_force = [Duty::ZERO; MAX_JOINTS];
         }
-        for (joint, duty) in self.plant.joints.iter_mut().zip(self.in_force) {
-            joint.advance(duty.fraction().into());
+        let Wires { motors, leads } = self.wires;
+        for (driver, (motor, lead)) in motors.into_iter().zip(leads).enumerate() {
+            if let Some(joint) = self.plant.joints.get_mut(motor) {
+                joint.advance(lead * f64::from(self.in_force[driver].fraction()));
+            }
         }
         self.ticks += 1;
         if !self.disturb.not_reading {
             self.read();
         }
+    }
+
+    /// Until no motion is under way any more; panics after `most` ticks.
+    pub fn until_idle(&mut self, most: u32) {
+        let idle = |bench: &Bench| !matches!(bench.core.control().state(), State::Running { .. });
+        assert!(
+            (0..most).any(|_| idle(self) || {
+                self.tick();
+                idle(self)
+            }),
+            "it still runs"
+        );
     }
 
     pub fn run(&mut self, ticks: u32) {

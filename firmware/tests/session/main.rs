@@ -6,3 +6,4 @@ mod motions;
 mod parts;
 mod plant;
 mod requests;
+mod runaway;

@@ -4,6 +4,10 @@
 
 /// Counts per radian of Doggy's joints.
 pub const COUNTS_PER_RAD: f64 = 1024.0 * 42.092 / core::f64::consts::TAU;
+/// Axes of the joints in the zero position: yaw, pitch, and a roll to the back.
+pub const AXES: [[f32; 3]; 3] = [[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]];
+/// Mount of a gyro along the body's axes.
+pub const ALONG: [[f32; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 /// Radians per second of a gyro word at ±1000 °/s.
 pub const RAD_S_PER_LSB: f64 = 1000.0 / 32768.0 * core::f64::consts::PI / 180.0;
 
@@ -24,6 +28,32 @@ impl Joint {
     pub fn doggy(index: usize) -> Self {
         let (mu, k_s, d_s) = [(1.6, 448.0, 1.5), (2.7, 416.0, 1.7), (4.8, 559.0, 2.8)][index % 3];
         Joint { k_pwm_u: 161.7, k_mi: 35.4, b: 2.62, j: 0.52, mu, k_s, d_s, state: [0.0; 4] }
+    }
+
+    /// A joint with a soft belt and a link half as heavy as its motor: the host's `one_joint`.
+    pub fn soft() -> Self {
+        Joint { k_pwm_u: 36.0, k_mi: 3.0, b: 0.25, j: 0.139, mu: 0.6, k_s: 80.0, d_s: 0.3, state: [0.0; 4] }
+    }
+
+    /// Angle by which the belt gives way while full duty accelerates motor and link together, rad; a third more, for the
+    /// figures are known to 15 %.
+    pub fn give_rad(&self) -> f32 {
+        (1.35 * self.k_pwm_u * self.j / (self.b + self.j) / self.k_s) as f32
+    }
+
+    /// Inertia of the link over the torque at full duty, s², as well.
+    pub fn carried_s2(&self) -> f32 {
+        (1.35 * self.j / self.k_pwm_u) as f32
+    }
+
+    /// (motor + link inertia) / back-EMF, s.
+    pub fn coast_s(&self) -> f32 {
+        ((self.b + self.j) / self.k_mi) as f32
+    }
+
+    /// Time for which the belt at the top of a swing may hold the motor against full duty, s, as well.
+    pub fn held_s(&self) -> f32 {
+        (1.26 * 4.0 * (self.mu / self.k_pwm_u).sqrt() / (self.k_s / self.j).sqrt()) as f32
     }
 
     fn rates(&self, [q, qd, th, thd]: [f64; 4], u: f64) -> [f64; 4] {
@@ -64,12 +94,23 @@ impl Noise {
 /// A robot and its sensors.
 pub struct Plant {
     pub joints: Vec<Joint>,
+    /// What its firmware is told of them.
+    pub described: Vec<Joint>,
     pub noise: Noise,
 }
 
 impl Plant {
     pub fn doggy(joints: usize, seed: u64) -> Self {
-        Plant { joints: (0..joints).map(Joint::doggy).collect(), noise: Noise(seed) }
+        Self::of((0..joints).map(Joint::doggy).collect(), seed)
+    }
+
+    /// One joint with a soft belt.
+    pub fn soft(seed: u64) -> Self {
+        Self::of(vec![Joint::soft()], seed)
+    }
+
+    fn of(joints: Vec<Joint>, seed: u64) -> Self {
+        Plant { described: joints.clone(), joints, noise: Noise(seed) }
     }
 
     /// The same with every figure drawn within ±20 %.
@@ -89,11 +130,15 @@ impl Plant {
         (self.joints[joint].state[2] * COUNTS_PER_RAD).floor() as i32
     }
 
-    /// Words of a gyro: rates of three joints in turn, with noise.
+    /// Words of a gyro, the first on the first body, the second on the last, mounted along the body's axes: the body's
+    /// rates with noise and a zero of 2.6°/s.
     pub fn words(&mut self, gyro: usize) -> [i16; 3] {
-        core::array::from_fn(|axis| {
-            let rate = self.joints.get(gyro + axis).map_or(0.0, |joint| joint.state[1]);
-            ((rate + 1.745e-3 * self.noise.gaussian()) / RAD_S_PER_LSB).round() as i16
-        })
+        let joints = if gyro == 0 { 1 } else { self.joints.len() };
+        let joint = |i: usize| self.joints.get(i).filter(|_| i < joints).map_or([0.0; 2], |j| [j.state[0], j.state[1]]);
+        let [[_, yaw], [q2, pitch], [q3, roll]] = [0, 1, 2].map(joint);
+        // Rz(q₁) Ry(q₂) Rx(−q₃), backwards.
+        let [x, y, z] = [-q2.sin() * yaw - roll, pitch, q2.cos() * yaw];
+        let rates = [x, q3.cos() * y - q3.sin() * z, q3.sin() * y + q3.cos() * z];
+        rates.map(|rate| ((rate + 0.0456 + 1.745e-3 * self.noise.gaussian()) / RAD_S_PER_LSB).round() as i16)
     }
 }

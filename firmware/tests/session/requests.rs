@@ -127,6 +127,22 @@ fn a_repeated_request_is_answered_and_not_acted_on_again() {
     assert!(matches!(bench.status().state, State::Running { phase: 0 }));
 }
 
+/// Another client than the project's host may use an id again: a stop is carried out all the same.
+#[test]
+fn a_stop_under_the_id_of_the_last_request_stops() {
+    let mut bench = Bench::ready(&preset::validation(&limits(1)));
+    bench.ask_as(77, Command::Start { motion: MOTION, at_seq: None }).unwrap();
+    bench.run(6000);
+    assert!(matches!(bench.status().state, State::Running { .. }));
+    for _ in 0..2 {
+        bench.ask_as(77, Command::Stop).unwrap();
+        assert_eq!(bench.status().state, State::Idle);
+        assert_eq!(bench.in_force[0], protocol::Duty::ZERO);
+    }
+    bench.ask_as(77, Command::ClearFault).unwrap();
+    bench.ask_as(77, Command::Start { motion: MOTION, at_seq: None }).unwrap();
+}
+
 /// The host stops reading for 100 ms: the queue holds 10 samples, the other 90 are counted and told.
 #[test]
 fn what_the_line_does_not_take_is_counted() {

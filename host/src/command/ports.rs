@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::{Exit, Failure, Ui, json};
-use crate::link::{self, LinkError, Options};
+use crate::link::{self, LinkError, Options, printable};
 
 /// List serial ports and mark those where a robot answers
 ///
@@ -63,11 +63,12 @@ fn ask(port: link::PortInfo, options: &Options) -> Listed {
     let (identity, usable, note) = match answer {
         Ok(hello) => {
             let identity = hello.identity;
-            let note = format!("{}, firmware {}", identity.robot, identity.firmware_version);
+            let note = format!("{}, firmware {}", printable(&identity.robot), printable(&identity.firmware_version));
             (Some(identity), true, note)
         }
         Err(LinkError::Version { theirs, .. }) => {
-            let note = format!("{}, firmware {} of another version", theirs.robot, theirs.firmware_version);
+            let (robot, firmware) = (printable(&theirs.robot), printable(&theirs.firmware_version));
+            let note = format!("{robot}, firmware {firmware} of another version");
             (Some(*theirs), false, note)
         }
         Err(LinkError::NoAnswer { bytes: 0, .. }) => (None, false, "silent".to_owned()),
@@ -80,8 +81,8 @@ fn ask(port: link::PortInfo, options: &Options) -> Listed {
     Listed {
         path: port.path,
         about: port.about,
-        robot: identity.as_ref().map(|i| i.robot.as_str().to_owned()),
-        firmware_version: identity.as_ref().map(|i| i.firmware_version.as_str().to_owned()),
+        robot: identity.as_ref().map(|i| printable(&i.robot)),
+        firmware_version: identity.as_ref().map(|i| printable(&i.firmware_version)),
         protocol_version: identity.map(|i| i.protocol_version),
         usable,
         note,

@@ -36,6 +36,9 @@ pub struct Args {
     /// Take the present pose as zero: the robot is held in its marked pose
     #[arg(long)]
     set_zero: bool,
+    /// Clear the fault of an emergency stop: it is released, and nobody is in reach of the robot
+    #[arg(long)]
+    clear_stop: bool,
     /// Show and keep the firmware's log: the ELF file that was flashed
     #[arg(long, value_name = "FIRMWARE")]
     elf: Option<PathBuf>,
@@ -78,7 +81,9 @@ pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
     let started = reset_name(device.hello().reset);
     ui.say(format_args!(
         "{}: {}, firmware {}, started: {started}",
-        args.port, identity.robot, identity.firmware_version
+        args.port,
+        link::printable(&identity.robot),
+        link::printable(&identity.firmware_version)
     ));
     say_restart(ui, device.hello());
     let dictionary = dictionary.filter(|dictionary| match dictionary.fits(device.hello()) {
@@ -95,7 +100,7 @@ pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
     }
     let robot = match robot {
         Some(robot) => robot,
-        None => Robot::builtin(identity.robot.as_str())
+        None => Robot::builtin(&link::printable(&identity.robot))
             .map_err(|error| robot_failure(error).advice("name the robot's description file with --robot"))?,
     };
     let (motion, text) = wanted.fitted(&robot)?;
@@ -103,6 +108,9 @@ pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
     let zero = if simulated.is_some() { Zero::Set } else { ask_for_zero(&args, &device, ui)? };
 
     let preparing = ui.busy("uploading");
+    if args.clear_stop {
+        device.clear_stop().map_err(link_failure)?;
+    }
     let mut ready = Ready::prepare(&mut device, &robot, &motion, text, zero).map_err(capture_failure)?;
     if let Some(tick) = args.start_tick {
         ready = ready.starting_at(tick);
@@ -113,14 +121,15 @@ pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
     drop(preparing);
     interrupt.recording.store(true, Relaxed);
     let bar = ui.progress("starting", 1000);
+    let mut in_file = None;
     let captured = ready.run(file.create()?, &interrupt.wished, |news| match news {
+        News::Closed(captured) => in_file = Some(*captured),
         News::Progress(now) => show(&bar, &now),
         News::Log(line) => ui.firmware(line),
         News::LogUnread if args.elf.is_some() => {}
         News::LogUnread => ui.say("the firmware logs; --elf FIRMWARE, the file that was flashed, shows it"),
     });
     drop(bar);
-    let balance = device.balance();
     drop(device);
     interrupt.releases();
     if let Err(CaptureError::Link(LinkError::Restarted { .. })) = &captured
@@ -144,7 +153,9 @@ pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
             Err(capture_failure(error))
         }
         Err(error) => {
-            ui.say(format_args!("{}: {} samples, {}", args.output.display(), balance.received, losses(&balance)));
+            if let Some(captured) = &in_file {
+                say_captured(ui, &args, captured);
+            }
             Err(capture_failure(error))
         }
     }

@@ -8,6 +8,7 @@ use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
 use tracing_subscriber::filter::LevelFilter;
 
 use super::Failure;
+use crate::link::printable;
 use crate::recording::{LogLevel, LogLine};
 
 /// Options that every verb takes.
@@ -84,11 +85,7 @@ impl Ui {
         let place = line.place.as_ref().map(|place| format!("  {}", style.dim().apply_to(place)));
         let t_s = line.t_us as f64 * 1e-6;
         // What a device sends is printed, never obeyed by the terminal.
-        let message: String = line
-            .message
-            .chars()
-            .flat_map(|c| if c.is_control() { c.escape_default().collect() } else { vec![c] })
-            .collect();
+        let message = printable(&line.message);
         self.line(format_args!("{t_s:>12.6} {level} {message}{}", place.unwrap_or_default()));
     }
 

@@ -58,6 +58,14 @@ pub enum CaptureError {
         /// How the device says that it ended.
         end: MotionEnd,
     },
+    /// The device goes on when every segment must be over.
+    #[error(
+        "the motion is not over after {longest_s} s, the longest that its segments can take, and 2 s more: the device was stopped"
+    )]
+    Endless {
+        /// What its segments can take, s.
+        longest_s: f64,
+    },
     /// The caller wished to stop.
     #[error("stopped by request")]
     Interrupted,
@@ -88,7 +96,23 @@ impl CaptureError {
                 "the line from the host to the device was interrupted, or this machine stood still; the file holds what \
                  was recorded until then"
             }
+            Self::Stopped { end: MotionEnd::Fault(Fault::WrongWay { .. }), .. } => {
+                "swap the leads of that motor or the two phases of its encoder, or give its counts per turn the other sign; \
+                 the file holds what was recorded until then"
+            }
+            Self::Stopped { end: MotionEnd::Fault(Fault::EncoderStuck { .. }), .. } => {
+                "is a wire of that encoder broken, does it belong to that motor, and is the joint free to move? The file holds \
+                 what was recorded until then"
+            }
+            Self::Stopped { end: MotionEnd::Fault(Fault::RotationMismatch { .. }), .. } => {
+                "was the robot in its marked pose when its zero was set? Check the encoders' wires, counts per turn and gears, \
+                 the belts for slip, and the gyro's axes and range in the firmware's robot; the file holds what was recorded \
+                 until then"
+            }
             Self::Stopped { .. } => "remove the cause and record again; the file holds what was recorded until then",
+            Self::Endless { .. } => {
+                "is the firmware the one that belongs to this program? Reset the device and flash it again"
+            }
             Self::Interrupted => "the robot was stopped; the file holds what was recorded until then",
             Self::NeverStarted => "reset the device and try again",
         }
@@ -113,6 +137,8 @@ pub enum News<'a> {
     Log(&'a LogLine),
     /// The firmware logs and there is no [`Dictionary`] to read it with. Told once.
     LogUnread,
+    /// The file is closed, however the motion ended.
+    Closed(&'a Captured),
 }
 
 /// How far a recording is.
@@ -214,6 +240,8 @@ impl<'a> Ready<'a> {
         let balance = device.balance();
         let (counts, log) = (take.counts, take.log_counts());
         let filed = take.close(&balance);
+        let captured = counts.captured(balance, log);
+        tell(News::Closed(&captured));
         played?;
         filed?;
         let end = match status? {
@@ -222,7 +250,7 @@ impl<'a> Ready<'a> {
             _ => return Err(CaptureError::NeverStarted),
         };
         let why = match end {
-            MotionEnd::Finished => return Ok(counts.captured(balance, log)),
+            MotionEnd::Finished => return Ok(captured),
             MotionEnd::Stopped => "by a request of the host".to_owned(),
             MotionEnd::Fault(fault) => fault.to_string(),
         };

@@ -109,10 +109,11 @@ impl Device {
         &self.hello
     }
 
-    /// Makes the device quiet whatever it did before: stops a motion, ends a stream, clears a fault.
+    /// Makes the device quiet whatever it did before: stops a motion, ends a stream, clears a fault. An emergency stop is
+    /// cleared by [`Device::clear_stop`] only.
     ///
     /// # Errors
-    /// [`LinkError::Refused`] if the cause of a fault lasts.
+    /// [`LinkError::Refused`] if the cause of a fault lasts, [`LinkError::EmergencyStop`] if that is the fault.
     pub fn settle(&mut self) -> Result<(), LinkError> {
         let mut status = self.status()?;
         if matches!(status.state, State::Running { .. } | State::Waiting { .. }) {
@@ -125,12 +126,28 @@ impl Device {
             self.shared.stream().from_seq = Some(self.status()?.end_seq);
         }
         if let State::Fault(fault) = status.state {
+            if fault == Fault::EmergencyStop {
+                return Err(LinkError::EmergencyStop);
+            }
             tracing::warn!("the device had a latched fault: {fault}");
             // The device clears nothing while it hears no heartbeats.
             self.beat()?;
             self.insist("clear its fault", || Command::ClearFault)?;
         }
         self.shared.established.store(true, Relaxed);
+        Ok(())
+    }
+
+    /// Clears the fault of an emergency stop, because a person at the robot says so. Any other fault is left to
+    /// [`Device::settle`].
+    ///
+    /// # Errors
+    /// [`LinkError::Refused`] if the stop is still pressed.
+    pub fn clear_stop(&mut self) -> Result<(), LinkError> {
+        if self.status()?.state == State::Fault(Fault::EmergencyStop) {
+            self.beat()?;
+            self.insist("clear the emergency stop", || Command::ClearFault)?;
+        }
         Ok(())
     }
 

@@ -4,7 +4,9 @@ use std::io;
 use std::time::Duration;
 
 use protocol::hello::{Greeting, HelloError, Identity};
-use protocol::{Refusal, ResetReason};
+use protocol::{Fault, Refusal, ResetReason};
+
+use super::words::printable;
 
 /// Why a device cannot be used, or not any longer.
 #[derive(Debug, thiserror::Error)]
@@ -34,7 +36,7 @@ pub enum LinkError {
     /// The device speaks another version.
     #[error(
         "the device and this program speak different versions\n  device: protocol {}, schema {}, firmware {}, robot {}\n  host:   protocol {}, schema {}, program {}",
-        theirs.protocol_version, theirs.schema_key, theirs.firmware_version, theirs.robot,
+        theirs.protocol_version, theirs.schema_key, printable(&theirs.firmware_version), printable(&theirs.robot),
         ours.protocol_version, ours.schema_key, env!("CARGO_PKG_VERSION")
     )]
     Version {
@@ -54,6 +56,9 @@ pub enum LinkError {
         /// Its reason.
         refusal: Box<Refusal>,
     },
+    /// The emergency stop was pressed, and nobody said that its fault may be cleared.
+    #[error("the device's emergency stop was pressed")]
+    EmergencyStop,
     /// The device answered the greeting but not this.
     #[error("no answer to \"{what}\" in {attempts} attempts over {} s", waited.as_secs_f64())]
     Unanswered {
@@ -92,6 +97,10 @@ pub enum LinkError {
     },
 }
 
+/// An emergency stop is taken back by a person at the robot, never by a program.
+const CLEAR_STOP: &str =
+    "press the emergency stop and release it, look that nobody is in reach of the robot, and add --clear-stop";
+
 /// The reason of a reset in words.
 pub fn reset_name(reason: ResetReason) -> &'static str {
     match reason {
@@ -113,8 +122,9 @@ impl LinkError {
                 serialport::ErrorKind::Io(io::ErrorKind::PermissionDenied) => {
                     "you may not use this port: on Debian, `sudo adduser $USER dialout` and log in again"
                 }
-                // The serial library's word for "another program holds it".
-                serialport::ErrorKind::NoDevice if source.description.contains("busy") => {
+                // The library's words for "another program holds it": the port is claimed (TIOCEXCL), or, for a user who may
+                // open it all the same, locked.
+                _ if source.description.contains("busy") || source.description.contains("exclusive lock") => {
                     "another program uses this port: close it"
                 }
                 _ => {
@@ -134,6 +144,7 @@ impl LinkError {
             Self::Hello(_) => "flash the firmware again; if it is your own, its board description is wrong",
             Self::Refused { refusal, .. } => match **refusal {
                 Refusal::NotZeroed => "hold the robot in its marked pose and add --set-zero",
+                Refusal::StopNotTested | Refusal::Fault(Fault::EmergencyStop) => CLEAR_STOP,
                 Refusal::Fault(_) => "remove the cause; the next `host record` clears the fault",
                 Refusal::Motion(_) => "change the motion file",
                 Refusal::Late { .. } => {
@@ -141,6 +152,7 @@ impl LinkError {
                 }
                 _ => "try again",
             },
+            Self::EmergencyStop => CLEAR_STOP,
             Self::Unanswered { .. } => {
                 "the line from the host to the device is bad, or the firmware hangs: check the cable, reset the device"
             }
@@ -151,5 +163,25 @@ impl LinkError {
                 "check supply and firmware: the next handshake tells the reason; what was recorded until then is in the file"
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What the serial library says to a user (the port is claimed), and to root, who gets as far as the lock.
+    #[test]
+    fn a_port_that_another_program_uses_is_told_as_such() {
+        let advice = |kind, description: &str| {
+            let source = serialport::Error::new(kind, description);
+            LinkError::Open { port: "/dev/ttyUSB0".to_owned(), source }.advice()
+        };
+        let busy = "another program uses this port: close it";
+        assert_eq!(advice(serialport::ErrorKind::NoDevice, "Device or resource busy"), busy);
+        assert_eq!(advice(serialport::ErrorKind::NoDevice, "Unable to acquire exclusive lock on serial port"), busy);
+        let denied = serialport::ErrorKind::Io(io::ErrorKind::PermissionDenied);
+        assert!(advice(denied, "Permission denied").contains("dialout"));
+        assert!(advice(serialport::ErrorKind::NoDevice, "No such file or directory").contains("host ports"));
     }
 }

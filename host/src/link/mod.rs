@@ -21,6 +21,7 @@ mod log;
 mod outgoing;
 mod port;
 mod reader;
+mod repeats;
 mod scales;
 mod take;
 #[cfg(test)]
@@ -34,4 +35,4 @@ pub use inbox::Arrival;
 pub use log::{Dictionary, ElfError, LogCounts};
 pub use port::{PortInfo, list};
 pub use scales::{ScaleError, Scales};
-pub use words::{Restart, restart};
+pub use words::{Restart, printable, restart};

@@ -2,6 +2,7 @@
 //!
 //! It never waits for anything but the line: a queue that is full costs samples, which are counted.
 
+use std::cell::RefCell;
 use std::io::{self, Read};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 use std::sync::mpsc::SyncSender;
@@ -16,6 +17,7 @@ use serialport::SerialPort;
 use super::LinkError;
 use super::inbox::{Arrival, Inbox};
 use super::ledger::Ledger;
+use super::repeats::Repeats;
 
 /// What the device answered.
 #[derive(Debug)]
@@ -76,7 +78,7 @@ impl Shared {
 
 /// Reads until the line is gone or the link closes.
 pub(super) fn run(mut port: Box<dyn SerialPort>, shared: Arc<Shared>, answers: SyncSender<Answer>) {
-    let mut reader = Reader { shared, answers, layout: None };
+    let mut reader = Reader { shared, answers, layout: None, warnings: RefCell::default() };
     let mut decoder = Decoder::<{ MAX_PAYLOAD + CRC_BYTES }>::new();
     let mut buffer = [0; 4096];
     while !reader.shared.closing.load(Relaxed) {
@@ -103,6 +105,7 @@ struct Reader {
     shared: Arc<Shared>,
     answers: SyncSender<Answer>,
     layout: Option<Layout>,
+    warnings: RefCell<Repeats>,
 }
 
 impl Reader {
@@ -192,7 +195,7 @@ impl Reader {
 
     fn keep(&self, arrival: Arrival) {
         if !self.shared.inbox.push(arrival) {
-            tracing::warn!("a report of the device was dropped: nobody takes them");
+            self.warnings.borrow_mut().warn("a report of the device was dropped: nobody takes them");
         }
     }
 

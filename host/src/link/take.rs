@@ -7,6 +7,7 @@ use protocol::{EventKind, Flags, Motion, Sample, Segment, Status};
 
 use super::capture::{CaptureError, Captured, MOTION, News, Progress};
 use super::log::{Entry, LogCounts, LogReader};
+use super::repeats::Repeats;
 use super::{Arrival, Device, LinkError, Scales, words};
 use crate::recording::mcap::{Disk, WriteError, Writer};
 use crate::recording::{Event, LogLine, LossBalance, Severity};
@@ -19,6 +20,9 @@ const LOOK: Duration = Duration::from_millis(100);
 const TAIL_TICKS: u64 = 250;
 /// Device time between two balances in the file, for a reader of a recording that was cut off, µs.
 const BALANCE_US: u64 = 1_000_000;
+/// Ticks by which a motion may last longer than its segments can: it ends with them, so this is for a device that plays
+/// something else or never says that it is over. With half of it nothing changes; twice records two seconds more.
+const ENDLESS_TICKS: u64 = 2000;
 /// Ticks within which an accepted start must be seen in the samples.
 const START_TICKS: u64 = 2000;
 
@@ -30,6 +34,7 @@ pub(super) struct Take<'a> {
     log: Option<LogReader>,
     log_unread: bool,
     tell: &'a mut dyn FnMut(News<'_>),
+    warnings: Repeats,
     pub(super) counts: Counts,
 }
 
@@ -47,6 +52,8 @@ pub(super) struct Counts {
     /// Segment, and when it began.
     pub(super) phase: Option<usize>,
     phase_us: u64,
+    /// First tick of the motion.
+    begun_seq: Option<u64>,
     /// First tick after the motion.
     ended_seq: Option<u64>,
     balance_us: u64,
@@ -61,13 +68,14 @@ impl<'a> Take<'a> {
         tell: &'a mut dyn FnMut(News<'_>),
     ) -> Self {
         let counts = Counts { start_tick, ..Counts::default() };
-        Self { writer, scales, log, log_unread: false, tell, counts }
+        Self { writer, scales, log, log_unread: false, tell, warnings: Repeats::default(), counts }
     }
 
     /// From the first sample to the last of the motion, and a little more.
     pub(super) fn play(&mut self, device: &mut Device, motion: &Motion, stop: &AtomicBool) -> Result<(), CaptureError> {
         device.stream()?;
         device.start(MOTION, self.counts.start_tick)?;
+        let longest_ticks = u64::from(motion.longest_ms()) * 1000 / u64::from(device.hello().tick_us);
         let (mut looked, mut looked_samples, mut heard) = (Instant::now(), 0, Instant::now());
         loop {
             let arrival = device.next(LOOK)?;
@@ -89,6 +97,9 @@ impl<'a> Take<'a> {
             }
             if self.counts.is_over() {
                 return Ok(());
+            }
+            if self.counts.played_ticks() > longest_ticks + ENDLESS_TICKS {
+                return Err(CaptureError::Endless { longest_s: f64::from(motion.longest_ms()) * 1e-3 });
             }
             if now - looked >= LOOK {
                 let rate_hz = (self.counts.samples - looked_samples) as f64 / (now - looked).as_secs_f64();
@@ -132,7 +143,7 @@ impl<'a> Take<'a> {
         };
         match severity {
             Severity::Note => tracing::info!("{text}"),
-            Severity::Warning | Severity::Error => tracing::warn!("{text}"),
+            Severity::Warning | Severity::Error => self.warnings.warn(&text),
         }
         self.writer.event(&Event { t_us, seq, severity, text })
     }
@@ -167,7 +178,10 @@ impl<'a> Take<'a> {
         match self.writer.push(&self.scales.row(seq, t_us, sample)) {
             Ok(()) => self.counts.sample(seq, t_us, sample),
             Err(WriteError::Row(error)) => {
-                tracing::warn!("a sample was left out: {error}");
+                // Its numbers differ from sample to sample; the first says what is wrong, the count is told at the end.
+                if self.counts.refused == 0 {
+                    tracing::warn!("a sample was left out: {error}");
+                }
                 self.counts.refused += 1;
             }
             Err(error) => return Err(error),
@@ -188,6 +202,7 @@ impl Counts {
         (self.last_seq, self.last_us) = (seq, t_us);
         if sample.flags.contains(Flags::RUNNING) {
             let phase = usize::from(sample.phase);
+            self.begun_seq.get_or_insert(seq);
             if self.phase != Some(phase) {
                 (self.phase, self.phase_us) = (Some(phase), t_us);
             }
@@ -203,6 +218,11 @@ impl Counts {
             (None, None, Some(first)) => self.last_seq >= self.due_seq(first) + START_TICKS,
             _ => false,
         }
+    }
+
+    /// Ticks since the first one of the motion.
+    fn played_ticks(&self) -> u64 {
+        self.begun_seq.map_or(0, |begun| self.last_seq.saturating_sub(begun))
     }
 
     /// The tick of the start, unwrapped, for a stream that began with the tick `first`.

@@ -6,6 +6,11 @@ use protocol::{EventKind, Hello, Loss, LossCause, MotionEnd, ResetReason};
 use super::reset_name;
 use crate::recording::{Firmware, LogLevel, Severity};
 
+/// Text of a device as it is printed: control characters, which a terminal would obey, are escaped.
+pub fn printable(text: &str) -> String {
+    text.chars().flat_map(|c| if c.is_control() { c.escape_default().collect() } else { vec![c] }).collect()
+}
+
 /// An event.
 pub(super) fn event(kind: &EventKind) -> (Severity, String) {
     match kind {
@@ -73,7 +78,7 @@ pub fn restart(hello: &Hello) -> Option<Restart> {
             "motors were off meanwhile; --elf shows what the firmware logged, and its next version must not hang",
         ),
         ResetReason::Panic => {
-            let place = hello.panic.as_ref().map(|place| format!(" at {}:{}", place.file, place.line));
+            let place = hello.panic.as_ref().map(|place| format!(" at {}:{}", printable(&place.file), place.line));
             let by =
                 format!("a panic of the firmware{}", place.unwrap_or_else(|| ", its place is not known".to_owned()));
             (by, "motors were off meanwhile; that place in the firmware's source has a fault")
@@ -86,10 +91,10 @@ pub fn restart(hello: &Hello) -> Option<Restart> {
 pub(super) fn firmware(hello: &Hello) -> Firmware {
     let identity = &hello.identity;
     Firmware {
-        version: identity.firmware_version.as_str().to_owned(),
+        version: printable(&identity.firmware_version),
         protocol_version: identity.protocol_version,
         schema_key: identity.schema_key.to_string(),
-        robot: identity.robot.as_str().to_owned(),
+        robot: printable(&identity.robot),
         restarted_by: restart(hello).map(|restart| restart.by),
         // A handshake has no map with keys that JSON could refuse.
         details: serde_json::to_string(hello).unwrap_or_default(),

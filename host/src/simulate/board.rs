@@ -8,15 +8,17 @@
 //! ```
 
 use firmware::driver::{Bmi323, Gyro, GyroRange, Icm42688p, QuadratureCounter};
-use firmware::{Config, ControlCore, GyroInput, Inputs, JointSetup};
+use firmware::safety::Axis;
+use firmware::{Config, ControlCore, ControlLoop, GyroInput, GyroSetup, Inputs, JointSetup};
 use protocol::motion::Limits;
 use protocol::{Duty, MAX_JOINTS, ResetReason, State};
 
 use super::chip::{Bmi323Chip, BoardClock, Icm42688pChip, Shared};
+use super::loads::Loads;
 use super::microcontroller::Microcontroller;
 use super::world::{GyroChip, World};
 use super::{SimulateError, Truth};
-use crate::robot::{Robot, Symbol};
+use crate::robot::{Joint, JointKind, Robot, Symbol};
 
 /// How long the simulated processor needs for a tick, µs. It reports this and has no other influence.
 const EXECUTION_US: u32 = 20;
@@ -63,6 +65,11 @@ impl Board {
     /// What its firmware was built with.
     pub fn config(&self) -> &Config {
         &self.config
+    }
+
+    /// The firmware's control loop, to look at.
+    pub fn control(&self) -> &ControlLoop {
+        self.core.control()
     }
 
     /// What the firmware does before its first tick: sets the gyros up, starts its clock.
@@ -194,6 +201,7 @@ fn config(robot: &Robot, world: &World) -> Result<Config, SimulateError> {
     let n = robot.joints.len();
     let mut mass = vec![0.0; n * n];
     robot.chain().mass_matrix(&vec![0.0; n], &mut mass);
+    let loads = Loads::of(robot, &nominal);
     let joints: Vec<JointSetup> = robot
         .joints
         .iter()
@@ -201,11 +209,44 @@ fn config(robot: &Robot, world: &World) -> Result<Config, SimulateError> {
         .map(|(j, joint)| {
             let value = |symbol| nominal.get(robot, symbol, j).unwrap_or(0.0);
             let limits = Limits { min: joint.limits[0] as f32, max: joint.limits[1] as f32 };
+            let axis = match joint.kind {
+                JointKind::Revolute => Axis::Turns(in_base(robot, j, joint.axis)),
+                JointKind::Prismatic => Axis::Slides,
+            };
             // (motor + link inertia) / back-EMF
             let coast_s = (value(Symbol::B) + mass[j * n + j]) / value(Symbol::KMi);
-            JointSetup { coast_s: coast_s as f32, ..JointSetup::new(limits) }
+            // What no motor can hold stands at no duty.
+            let standing = (loads.standing[j] * f64::from(Duty::FULL)).min(f64::from(Duty::FULL)) as i16;
+            let mut carried_s2 = [0.0; MAX_JOINTS];
+            for (carried, s2) in carried_s2.iter_mut().zip(&loads.carried_s2[j]) {
+                *carried = *s2 as f32;
+            }
+            let usual = JointSetup::new(limits, axis);
+            let standing_duty = usual.standing_duty.max(Duty(standing));
+            JointSetup { coast_s: coast_s as f32, standing_duty, held_s: loads.held_s[j] as f32, carried_s2, ..usual }
         })
         .collect();
-    Config::new(&robot.name, &joints, &world.encoder_infos(), world.gyro_infos())
+    let gyros: Vec<GyroSetup> = robot
+        .gyros()
+        .zip(world.gyro_infos())
+        .enumerate()
+        .map(|(index, (gyro, info))| GyroSetup {
+            info: *info,
+            mount: gyro.rotation.map(|row| in_base(robot, gyro.body, row)),
+            give_rad: loads.give_rad[index] as f32,
+            sag_rad: loads.sag_rad[index] as f32,
+        })
+        .collect();
+    Config::new(&robot.name, &joints, &world.encoder_infos(), &gyros)
         .map_err(|error| SimulateError::Unsuited { reason: format!("the firmware cannot run this robot: {error:?}") })
+}
+
+/// A vector in axes of a joint, in axes of the base, all joints at zero.
+fn in_base(robot: &Robot, joint: usize, vector: [f64; 3]) -> [f32; 3] {
+    let carriers = robot.joints[..=joint].iter().rev();
+    // Each rotation takes vectors from the body before to the joint: backwards by its transpose.
+    let back = |vector: [f64; 3], carrier: &Joint| -> [f64; 3] {
+        std::array::from_fn(|i| (0..3).map(|k| carrier.rotation[k][i] * vector[k]).sum())
+    };
+    carriers.fold(vector, back).map(|part| part as f32)
 }

@@ -16,6 +16,7 @@ mod direct;
 mod encoder;
 mod error;
 mod line;
+mod loads;
 mod microcontroller;
 mod noise;
 mod options;

@@ -7,7 +7,7 @@ use crate::effect::TrueValue;
 use crate::robot::{Matrix3, Robot, Symbol};
 
 /// Spread of the free parameters around what the description says of simulated robots.
-const SPREAD: f64 = 0.15;
+pub(super) const SPREAD: f64 = 0.15;
 /// How far a gyro is turned away from its nominal rotation, degrees.
 const MISALIGNMENT_DEG: std::ops::Range<f64> = 1.0..4.0;
 

@@ -11,6 +11,7 @@
 
 use embedded_hal::i2c::I2c as _;
 use embedded_hal::spi::SpiDevice as _;
+use firmware::constants::GYRO_SATURATED_AT;
 use firmware::driver::GyroRange;
 use protocol::{EncoderInfo, GyroInfo, MAX_ENCODERS, Side};
 
@@ -88,7 +89,7 @@ impl World {
                 .map(|gyro| GyroInfo {
                     body: gyro.body as u8,
                     rad_s_per_lsb: range.lsb_rad_s(),
-                    saturated_at: i16::MAX as u16,
+                    saturated_at: GYRO_SATURATED_AT,
                     offset_us: (gyro.offset_s * 1e6).round() as u16,
                 })
                 .collect(),

@@ -119,6 +119,7 @@ pub fn reports() -> Vec<(&'static str, Report)> {
             "refused_motion",
             refused(Refusal::Motion(MotionError::OutsideLimits { segment: 4, joint: 1, position: 0.75 })),
         ),
+        ("refused_stop_not_tested", refused(Refusal::StopNotTested)),
         ("refused_not_quiet", refused(Refusal::NotQuiet)),
         ("heartbeat_seen", Report::HeartbeatSeen { count: 260, t_us: 1_000_000 }),
         (
@@ -140,6 +141,9 @@ pub fn reports() -> Vec<(&'static str, Report)> {
         ("event_move_timed_out", event(EventKind::MoveTimedOut { segment: 9 })),
         ("event_motion_ended", event(EventKind::MotionEnded { motion, end: MotionEnd::Finished })),
         ("event_fault_raised", event(EventKind::FaultRaised(Fault::JointLimit { joint: 2 }))),
+        ("event_clock", event(EventKind::FaultRaised(Fault::Clock))),
+        ("event_wrong_way", event(EventKind::FaultRaised(Fault::WrongWay { joint: 1 }))),
+        ("event_rotation_mismatch", event(EventKind::FaultRaised(Fault::RotationMismatch { gyro: 1 }))),
         ("event_fault_cleared", event(EventKind::FaultCleared)),
         ("log", Report::Log { level: Level::Warn, text: text("gyro 2 answers late") }),
         ("defmt", Report::Defmt { at: 300, bytes: [0, 1, 0xff].into_iter().collect() }),

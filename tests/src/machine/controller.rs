@@ -19,6 +19,9 @@ use super::{Options, image};
 /// Ticks without food after which the watchdog bites: the real one's nominal 16 ms.
 const WATCHDOG_TICKS: u32 = 16;
 
+/// What the emulator says of a processor that has locked up.
+const LOCKUP: &str = "Lockup";
+
 /// RCC_CSR after the resets that the world knows: every one pulls the pin, and power-on shows as a brown-out too.
 const POWER_ON: u32 = 1 << 27 | 1 << 26 | 1 << 25;
 const WATCHDOG: u32 = 1 << 29 | 1 << 26;
@@ -38,6 +41,10 @@ pub(super) struct Machine {
     asked: Option<Asked>,
     /// Ticks since the processor started.
     seq: u32,
+    /// Ticks since power-on.
+    ticks: u32,
+    gyro1_from_tick: u32,
+    swapped_leads: Option<usize>,
     unfed: u32,
     bite: bool,
     /// What the next start will find in RCC_CSR.
@@ -65,6 +72,9 @@ impl Machine {
             in_noise: false,
             asked: None,
             seq: 0,
+            ticks: 0,
+            gyro1_from_tick: options.gyro1_from_tick,
+            swapped_leads: options.swapped_leads,
             unfed: 0,
             bite: false,
             reset_flags: POWER_ON,
@@ -78,7 +88,10 @@ impl Machine {
             Some(asked) => asked,
             None => self.start_up()?.0,
         };
-        let duty = tick.duty.map(|duty| f64::from(duty.0) / f64::from(Duty::FULL));
+        let mut duty = tick.duty.map(|duty| f64::from(duty.0) / f64::from(Duty::FULL));
+        if let Some(motor) = self.swapped_leads {
+            duty[motor] = -duty[motor];
+        }
         self.begin_noise();
         let sensors = self.sense(&tick, &duty);
         self.reply(|out| sensors.write(out))?;
@@ -86,12 +99,14 @@ impl Machine {
             seq: self.seq,
             t_us,
             duty: tick.duty,
+            armed: tick.armed,
             stopped: false,
             sensors,
             cycles: [tick.begin_cycles, tick.tick_cycles],
             stack_bytes: tick.stack_bytes,
         });
         self.seq += 1;
+        self.ticks += 1;
         if std::mem::take(&mut self.bite) {
             self.reset_flags = WATCHDOG;
             self.qemu.reset()?;
@@ -103,8 +118,12 @@ impl Machine {
     /// What the image does until it asks for the next tick.
     fn rest_of_tick(&mut self, mut duty: [f64; MOTORS]) -> Result<(), String> {
         loop {
-            let Request { t_us, kind } = self.qemu.request()?;
+            let Request { t_us, kind } = match self.qemu.request() {
+                Err(said) if said.contains(LOCKUP) => return self.watchdog_after_lockup(),
+                request => request?,
+            };
             match kind {
+                Kind::Spi(_) | Kind::I2c { .. } => self.transfer(kind)?,
                 Kind::Stop => {
                     duty = [0.0; MOTORS];
                     self.with_log(|log| log.periods.iter_mut().last().map(|period| period.stopped = true));
@@ -114,21 +133,52 @@ impl Machine {
                     self.asked = Some(Asked { t_us, tick });
                     return Ok(());
                 }
-                Kind::Start => {
-                    // A reset lets go of the pins.
-                    self.with_log(|log| log.periods.iter_mut().last().map(|period| period.stopped = true));
-                    self.world.pass(&[0.0; MOTORS]);
-                    self.hear_usart()?;
-                    self.ear.cut();
-                    (self.seq, self.unfed) = (0, 0);
-                    let (asked, start_up_s) = self.answer_start()?;
-                    self.world.restart(start_up_s);
-                    self.asked = Some(asked);
-                    return Ok(());
-                }
+                Kind::Start => return self.begin_anew(),
                 other => return Err(format!("{other:?} within a tick")),
             }
         }
+    }
+
+    /// The processor was reset, which lets go of the pins.
+    fn begin_anew(&mut self) -> Result<(), String> {
+        self.with_log(|log| log.periods.iter_mut().last().map(|period| period.stopped = true));
+        self.world.pass(&[0.0; MOTORS]);
+        self.hear_usart()?;
+        self.ear.cut();
+        (self.seq, self.unfed) = (0, 0);
+        let (asked, start_up_s) = self.answer_start()?;
+        self.world.restart(start_up_s);
+        self.asked = Some(asked);
+        Ok(())
+    }
+
+    /// The processor has locked up, which ends the emulator. A real one stands: its PWM timer stops by itself, and the
+    /// watchdog resets it.
+    fn watchdog_after_lockup(&mut self) -> Result<(), String> {
+        self.hear_usart()?;
+        (0..WATCHDOG_TICKS).for_each(|_| self.world.pass(&[0.0; MOTORS]));
+        self.qemu = Qemu::start(image()).map_err(|error| error.to_string())?;
+        self.reset_flags = WATCHDOG;
+        match self.qemu.request()?.kind {
+            Kind::Start => self.begin_anew(),
+            other => Err(format!("{other:?} before a start")),
+        }
+    }
+
+    /// Answers a transfer of a gyro's set-up.
+    fn transfer(&mut self, kind: Kind) -> Result<(), String> {
+        let answer = match kind {
+            Kind::Spi(sent) => self.spi(&sent),
+            Kind::I2c { address, read, written } => self.world.i2c(address, &written, read.into()),
+            other => return Err(format!("{other:?} is no transfer")),
+        };
+        let answer = Answer::from(answer.and_then(|bytes| Transfer::from_slice(&bytes).ok()));
+        self.reply(|out| answer.write(out))
+    }
+
+    /// A transfer on the SPI.
+    fn spi(&self, sent: &[u8]) -> Option<Vec<u8>> {
+        if self.ticks < self.gyro1_from_tick { Some(vec![0; sent.len()]) } else { self.world.spi(sent) }
     }
 
     /// From power-on to the first tick.
@@ -147,32 +197,30 @@ impl Machine {
         let mut waited_us = 0;
         loop {
             let Request { t_us, kind } = self.qemu.request()?;
-            let answer = match kind {
+            match kind {
                 Kind::Delay { us } => {
                     self.world.clock().pass_ns(1000 * u64::from(us));
                     waited_us += u64::from(us);
-                    continue;
                 }
-                Kind::Stop => continue,
-                Kind::Spi(sent) => self.world.spi(&sent),
-                Kind::I2c { address, read, written } => self.world.i2c(address, &written, read.into()),
+                Kind::Stop => {}
+                Kind::Spi(_) | Kind::I2c { .. } => self.transfer(kind)?,
                 Kind::Tick(tick) => return Ok((Asked { t_us, tick }, waited_us as f64 * 1e-6)),
                 Kind::Start => return Err("a second start".to_owned()),
-            };
-            let answer = Answer::from(answer.and_then(|bytes| Transfer::from_slice(&bytes).ok()));
-            self.reply(|out| answer.write(out))?;
+            }
         }
     }
 
     /// What the pins show in this tick.
     fn sense(&mut self, tick: &Tick, duty: &[f64; MOTORS]) -> Sensors {
         let hardware = self.world.sense(duty);
-        let [address, register] = tick.i2c;
-        let i2c = self.world.i2c(address, &[register], firmware::lockstep::I2C_BURST);
+        let spi = tick.spi.and_then(|sent| self.spi(&sent));
+        let i2c = tick
+            .i2c
+            .and_then(|[address, register]| self.world.i2c(address, &[register], firmware::lockstep::I2C_BURST));
         let n = self.from_host.len().min(MAX_HOST_BYTES);
         let mut sensors = Sensors {
             counters: std::array::from_fn(|motor| hardware[motor]),
-            spi: self.world.spi(&tick.spi).and_then(|answer| answer.try_into().ok()),
+            spi: spi.and_then(|answer| answer.try_into().ok()),
             i2c: i2c.and_then(|answer| answer.try_into().ok()),
             host: self.from_host.drain(..n).collect(),
             ..Sensors::default()

@@ -25,6 +25,8 @@ pub struct Period {
     pub t_us: u32,
     /// Duty from its beginning on.
     pub duty: [Duty; firmware::lockstep::MOTORS],
+    /// The drivers are enabled.
+    pub armed: bool,
     /// The duty fell to zero within it.
     pub stopped: bool,
     /// What the world answered.

@@ -36,6 +36,18 @@ pub enum What {
         /// By so many counts.
         counts: u16,
     },
+    /// A phase of an encoder is open: its counter goes to and fro by one.
+    OpenPhase {
+        /// Of this motor, from 0.
+        motor: usize,
+    },
+    /// An encoder's counter counts so many of its steps from here on, in halves: −2 is backwards, 1 every other one.
+    Counts {
+        /// Of this motor, from 0.
+        motor: usize,
+        /// Halves.
+        halves: i16,
+    },
     /// One tick takes so much longer, µs.
     Overrun(u16),
     /// What the host says arrives as nonsense, as much as the line carries.
@@ -44,6 +56,8 @@ pub enum What {
     Panic,
     /// The telemetry task hangs.
     TelemetryHangs,
+    /// The commands task takes more stack than there is.
+    StackOverflows,
 }
 
 /// What befalls a machine, and what of it has begun.
@@ -51,12 +65,14 @@ pub enum What {
 pub(super) struct Mishaps {
     script: Vec<Mishap>,
     frozen: Option<[u8; I2C_BURST]>,
+    /// Where the counter of a broken encoder stood.
+    counter: Option<u16>,
     nonsense: ChaCha8Rng,
 }
 
 impl Mishaps {
     pub fn new(script: Vec<Mishap>) -> Self {
-        Self { script, frozen: None, nonsense: ChaCha8Rng::seed_from_u64(0) }
+        Self { script, frozen: None, counter: None, nonsense: ChaCha8Rng::seed_from_u64(0) }
     }
 
     /// Changes what the pins show `ticks` after the first tick of the motion.
@@ -78,6 +94,16 @@ impl Mishaps {
                 What::EncoderJumps { motor, counts } => {
                     sensors.counters[motor] = sensors.counters[motor].wrapping_add(counts);
                 }
+                What::OpenPhase { motor } => {
+                    let counter = &mut sensors.counters[motor];
+                    *counter = self.counter.get_or_insert(*counter).wrapping_add(*counter & 1);
+                }
+                What::Counts { motor, halves } => {
+                    let counter = &mut sensors.counters[motor];
+                    let base = *self.counter.get_or_insert(*counter);
+                    let steps = i32::from(counter.wrapping_sub(base) as i16) * i32::from(halves) / 2;
+                    *counter = base.wrapping_add(steps as u16);
+                }
                 What::Overrun(us) => sensors.ordeal = once(Ordeal::Delay(us)),
                 What::Nonsense => {
                     let mut bytes = [0; LINE_BYTES];
@@ -85,6 +111,7 @@ impl Mishaps {
                     sensors.host = bytes.into_iter().collect();
                 }
                 What::Panic => sensors.ordeal = once(Ordeal::PanicInCommands),
+                What::StackOverflows => sensors.ordeal = once(Ordeal::StackOverflows),
                 What::TelemetryHangs => sensors.ordeal = once(Ordeal::TelemetryHangs),
             }
         }

@@ -45,6 +45,9 @@ pub use mishap::{Mishap, What};
 /// A motion of two seconds with a duty on some motor in nearly every tick: what stops it can be measured at once.
 pub const SWING: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/src/machine/swing.toml");
 
+/// A slow move of the pitch, 0.45 rad far, which takes a second and a half.
+pub const REACH: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/src/machine/reach.toml");
+
 /// What to emulate.
 #[derive(Debug, Clone, Default)]
 pub struct Options {
@@ -56,6 +59,10 @@ pub struct Options {
     pub mishaps: Vec<Mishap>,
     /// What goes wrong on the line.
     pub faults: Vec<Fault>,
+    /// The first gyro answers from so many ticks after power-on on; before, its lines are low.
+    pub gyro1_from_tick: u32,
+    /// The leads of this motor, from 0, are swapped.
+    pub swapped_leads: Option<usize>,
 }
 
 /// What `host record` made of a machine.

@@ -1,12 +1,13 @@
-//! The buses for the drivers' set-up, before the first tick: each transfer is an exchange.
+//! The buses for the drivers' set-up, before the first tick and from `idle`: each transfer is an exchange.
 
+use cortex_m::asm;
 use embedded_hal::delay::DelayNs;
 use embedded_hal::i2c::{self, I2c};
 use embedded_hal::spi::{self, SpiDevice};
 use firmware::driver::Bmi323;
 use firmware::lockstep::{Answer, Kind, Transfer};
 
-use super::exchange;
+use super::{clock, exchange};
 
 /// Address of the gyro on I²C: its pin SDO is low.
 pub const BMI323_ADDRESS: u8 = Bmi323::<I2cBus>::ADDRESS_SDO_LOW;
@@ -15,8 +16,10 @@ pub const BMI323_ADDRESS: u8 = Bmi323::<I2cBus>::ADDRESS_SDO_LOW;
 pub struct SpiBus;
 /// The I²C.
 pub struct I2cBus;
-/// Lets the world's time pass; the processor's stands still.
+/// Lets the world's time pass; the processor's stands still. Before the first tick.
 pub struct Wait;
+/// Lets ticks pass. From `idle`.
+pub struct Spin;
 
 /// Nobody answered, or the transfer is longer than any driver needs.
 #[derive(Debug)]
@@ -33,6 +36,15 @@ impl DelayNs for Wait {
 
     fn delay_ms(&mut self, ms: u32) {
         self.delay_us(1000 * ms);
+    }
+}
+
+impl DelayNs for Spin {
+    fn delay_ns(&mut self, ns: u32) {
+        let (since, us) = (clock::period_us(), ns.div_ceil(1000));
+        while clock::period_us().wrapping_sub(since) < us {
+            asm::wfi();
+        }
     }
 }
 

@@ -35,8 +35,13 @@ pub fn tell(request: &Request) {
     }
 }
 
-/// Says something and reads the answer. A world that is gone, or speaks another version, ends everything.
+/// Says something and reads the answer, with interrupts off: `idle` asks too, and answers must not cross. A world that is
+/// gone, or speaks another version, ends everything.
 pub fn ask<T>(request: &Request, read: impl FnOnce(&[u8]) -> Result<T, Malformed>) -> T {
+    critical_section::with(|_| ask_alone(request, read))
+}
+
+fn ask_alone<T>(request: &Request, read: impl FnOnce(&[u8]) -> Result<T, Malformed>) -> T {
     tell(request);
     let mut message = [0u8; MAX_MESSAGE];
     let arguments = [IN.load(Relaxed), message.as_mut_ptr() as usize, message.len()];

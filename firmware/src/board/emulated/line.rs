@@ -18,6 +18,7 @@ const RECEIVED: usize = 193;
 /// Ordeals that were announced.
 static PANIC: AtomicBool = AtomicBool::new(false);
 static HANG: AtomicBool = AtomicBool::new(false);
+static OVERFLOW: AtomicBool = AtomicBool::new(false);
 
 /// The transmitter.
 pub struct LineOut {
@@ -43,6 +44,18 @@ pub fn received() -> (Arrived, LineIn) {
 /// The commands task will panic.
 pub fn panic_in_commands() {
     PANIC.store(true, Relaxed);
+}
+
+/// The commands task will call itself until no stack is left.
+pub fn overflow_in_commands() {
+    OVERFLOW.store(true, Relaxed);
+}
+
+/// Calls itself; the answer depends on every call, so that none can be left out.
+#[inline(never)]
+fn descend(depth: u32) -> u32 {
+    let room = core::hint::black_box([depth; 16]);
+    if OVERFLOW.load(Relaxed) { descend(depth + 1).wrapping_add(room[depth as usize % 16]) } else { room[0] }
 }
 
 /// The telemetry task will hang.
@@ -88,6 +101,9 @@ impl wiring::LineOut for LineOut {
 
 impl wiring::LineIn for LineIn {
     fn read(&mut self, out: &mut [u8]) -> usize {
+        if OVERFLOW.load(Relaxed) {
+            core::hint::black_box(descend(0));
+        }
         assert!(!PANIC.load(Relaxed), "the world asked for a panic");
         let mut n = 0;
         while n < out.len()

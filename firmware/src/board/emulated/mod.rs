@@ -8,7 +8,8 @@
 //!
 //! What differs from the real board, and why:
 //! * **Buses.** QEMU has no I²C and no DMA. A period's transfers are in its one exchange and complete at once, so the
-//!   tick's task follows the period's without a pause.
+//!   tick's task follows the period's without a pause. The set-up of a gyro, at the start or from `idle`, is an exchange a
+//!   transfer.
 //! * **Received bytes** come with the exchange and not through the emulated USART. QEMU hands those in whenever the PC
 //!   finds time, so the tick that hears a heartbeat would depend on the load of the PC.
 //! * **Sent bytes** go through the USART's data register. QEMU 7.2 never raises "transmitter empty", so the time on the
@@ -28,20 +29,53 @@ mod pins;
 mod stack;
 
 use cortex_m::Peripherals as Core;
-use cortex_m::asm;
+use cortex_m::{asm, singleton};
+use embedded_hal::delay::DelayNs;
 use firmware::driver::{Bmi323, Icm42688p};
-use firmware::lockstep::{Kind, Started};
-use firmware::robot::GYRO_RANGE;
+use firmware::lockstep::{Kind, MOTORS, Started};
+use firmware::robot::{self, GYRO_RANGE};
 use firmware::wiring::{self, reset};
 use stm32f4xx_hal::pac::Peripherals as Device;
 
+use super::gyro::{Part, Search, Way};
 use super::{Board, gyro};
-use buses::{BMI323_ADDRESS, I2cBus, SpiBus, Wait};
+use buses::{BMI323_ADDRESS, I2cBus, SpiBus, Spin, Wait};
 pub use line::{LineIn, LineOut};
 pub use pins::Pins;
 
+/// The emergency stop is a bit of the exchange, with nothing to be short-circuited.
+pub const STOP_TEST: bool = false;
+
+// More joints than motors would build, and the last ones never be driven.
+const _: () = assert!(robot::JOINTS == MOTORS, "the robot has another number of joints than the board of motors");
+const _: () = assert!(robot::GYROS == 2, "the robot has another number of gyros than the board");
+
 /// The watchdog.
 pub struct Watchdog;
+
+/// A bus with its gyro, on its way between the tick and `idle`.
+pub enum Bus {
+    /// Gyro 1.
+    Spi,
+    /// Gyro 2.
+    I2c,
+}
+
+impl Part for Bus {
+    fn number(&self) -> u8 {
+        match self {
+            Bus::Spi => 1,
+            Bus::I2c => 2,
+        }
+    }
+
+    fn attempt(&mut self) -> bool {
+        match self {
+            Bus::Spi => Icm42688p::new(SpiBus, GYRO_RANGE, &mut Spin).is_ok(),
+            Bus::I2c => Bmi323::new(I2cBus, BMI323_ADDRESS, GYRO_RANGE, &mut Spin).is_ok(),
+        }
+    }
+}
 
 /// Starts the board: the gyros are set up, the first period begins a millisecond later.
 pub fn start(mut core: Core, device: Device) -> Board {
@@ -52,12 +86,29 @@ pub fn start(mut core: Core, device: Device) -> Board {
 
     let icm42688p = || Icm42688p::new(SpiBus, GYRO_RANGE, &mut Wait);
     let bmi323 = || Bmi323::new(I2cBus, BMI323_ADDRESS, GYRO_RANGE, &mut Wait);
-    let there =
-        [gyro::set_up(1, icm42688p, |register| register as u8), gyro::set_up(2, bmi323, |register| register as u8)];
+    let ways = (singleton!(: Way<Bus> = Way::new()), singleton!(: Way<Bus> = Way::new()));
+    let (Some(lost), Some(found)) = ways else { unreachable!("`start` runs once") };
+    let (exchange, mut search) = Search::new(lost, found);
+    Wait.delay_ms(gyro::POWER_UP_MS);
+    let there = [
+        gyro::set_up(1, &mut Wait, icm42688p, |register| register as u8),
+        gyro::set_up(2, &mut Wait, bmi323, |register| register as u8),
+    ];
+    for (there, bus) in there.into_iter().zip([Bus::Spi, Bus::I2c]) {
+        if !there {
+            search.miss(bus);
+        }
+    }
     let (arrived, line_in) = line::received();
     let line_out = LineOut::new(device.USART1);
     clock::start(&mut core.SYST);
-    Board { pins: Pins::new(there, arrived), line_out, line_in, watchdog: Watchdog, started: (reason, place) }
+    let pins = Pins::new(there, exchange, arrived);
+    Board { pins, line_out, line_in, watchdog: Watchdog, search, started: (reason, place) }
+}
+
+/// Never comes: the supply is a bit of the exchange.
+pub fn supply_fell() {
+    motors_off();
 }
 
 /// Motors off, from anywhere.

@@ -6,13 +6,16 @@ use cortex_m::peripheral::NVIC;
 use firmware::constants::TICK_US;
 use firmware::driver::{Bmi323, Icm42688p, QuadratureCounter};
 use firmware::lockstep::{Kind, MOTORS, Ordeal, PINS_BROWN_OUT, PINS_EMERGENCY_STOP, Request, Sensors, Tick};
+use firmware::wiring::absence::Absence;
 use firmware::{GyroInput, Inputs, Outputs, wiring};
 use protocol::Duty;
 use stm32f4xx_hal::pac::Interrupt;
 
+use crate::board::gyro::{Exchange, Part};
+
 use super::buses::{BMI323_ADDRESS, I2cBus, SpiBus};
 use super::line::{self, Arrived};
-use super::{clock, exchange, halt, motors_off, stack};
+use super::{Bus, clock, exchange, halt, motors_off, stack};
 
 /// The watchdog was fed since the last exchange.
 static FED: AtomicBool = AtomicBool::new(false);
@@ -20,8 +23,11 @@ static FED: AtomicBool = AtomicBool::new(false);
 /// Sensors and motors.
 pub struct Pins {
     counters: [QuadratureCounter; MOTORS],
-    /// Whether each gyro could be set up.
+    /// Whether each gyro is set up; if not, its bus is with `idle`.
     there: [bool; 2],
+    absence: [Absence; 2],
+    exchange: Exchange<Bus>,
+    armed: bool,
     sensors: Sensors,
     /// Duties for the next period, if there was a tick.
     preloaded: Option<[Duty; MOTORS]>,
@@ -40,11 +46,14 @@ pub fn feed() {
 }
 
 impl Pins {
-    /// Motors off. A gyro that is not `there` is a bus error in every tick.
-    pub fn new(there: [bool; 2], arrived: Arrived) -> Self {
+    /// Motors off. A gyro that is not `there` is a bus error in every tick until `idle` finds it.
+    pub fn new(there: [bool; 2], exchange: Exchange<Bus>, arrived: Arrived) -> Self {
         Pins {
             counters: [const { QuadratureCounter::new(0) }; MOTORS],
             there,
+            absence: Default::default(),
+            exchange,
+            armed: false,
             sensors: Sensors::default(),
             preloaded: None,
             overrun_periods: 0,
@@ -57,8 +66,7 @@ impl Pins {
     }
 
     fn gyros(&self) -> [GyroInput; 2] {
-        let [spi_is_there, i2c_is_there] = self.there;
-        let (spi, i2c) = (self.sensors.spi.filter(|_| spi_is_there), self.sensors.i2c.filter(|_| i2c_is_there));
+        let Sensors { spi, i2c, .. } = self.sensors;
         [
             spi.map(|answer| Icm42688p::<SpiBus>::decode(&answer)).ok_or(()).into(),
             i2c.map(|answer| Bmi323::<I2cBus>::decode(&answer)).ok_or(()).into(),
@@ -70,15 +78,21 @@ impl wiring::Pins for Pins {
     fn begin(&mut self) -> u32 {
         let began = clock::now();
         let t_us = clock::begin_period();
+        if let Some(bus) = self.exchange.found.dequeue() {
+            self.there[usize::from(bus.number() - 1)] = true;
+        }
+        let [spi_is_there, i2c_is_there] = self.there;
         let [register] = Bmi323::<I2cBus>::READ_REQUEST;
         let tick = Tick {
             duty: self.preloaded.take().unwrap_or_default(),
             fed: FED.swap(false, Relaxed),
+            armed: self.armed,
             begin_cycles: self.begin_cycles,
             tick_cycles: self.tick_cycles,
             stack_bytes: self.stack_bytes,
-            spi: Icm42688p::<SpiBus>::READ_REQUEST,
-            i2c: [BMI323_ADDRESS, register],
+            // The bus of a gyro that is missing belongs to `idle`: a burst would read the status that its set-up waits for.
+            spi: spi_is_there.then_some(Icm42688p::<SpiBus>::READ_REQUEST),
+            i2c: i2c_is_there.then_some([BMI323_ADDRESS, register]),
         };
         let exchange_began = clock::now();
         self.sensors = exchange::ask(&Request { t_us, kind: Kind::Tick(tick) }, Sensors::read);
@@ -89,6 +103,7 @@ impl wiring::Pins for Pins {
         match self.sensors.ordeal {
             Ordeal::None | Ordeal::Delay(_) => {}
             Ordeal::PanicInCommands => line::panic_in_commands(),
+            Ordeal::StackOverflows => line::overflow_in_commands(),
             Ordeal::TelemetryHangs => line::hang_in_telemetry(),
             Ordeal::Halt => halt(),
         }
@@ -113,6 +128,13 @@ impl wiring::Pins for Pins {
         for (input, gyro) in inputs.gyros.iter_mut().zip(self.gyros()) {
             *input = gyro;
         }
+        for (index, bus) in [Bus::Spi, Bus::I2c].into_iter().enumerate() {
+            let has_reading = matches!(inputs.gyros[index], GyroInput::Words(_));
+            if self.absence[index].lasts(has_reading) && core::mem::take(&mut self.there[index]) {
+                // The way has room for both buses.
+                let _ = self.exchange.lost.enqueue(bus);
+            }
+        }
         if let Ordeal::Delay(us) = self.sensors.ordeal {
             clock::spin_us(us);
         }
@@ -123,6 +145,7 @@ impl wiring::Pins for Pins {
         let mut duty = [Duty::ZERO; MOTORS];
         duty.iter_mut().zip(outputs.duty).for_each(|(motor, duty)| *motor = duty);
         self.preloaded = Some(duty);
+        self.armed = outputs.armed;
         self.tick_cycles = self.tick_began.cycles();
         if outputs.stop {
             motors_off();

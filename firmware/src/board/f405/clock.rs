@@ -10,10 +10,10 @@
 //! interrupt: motors off and reset.
 
 use cortex_m::peripheral::syst::SystClkSource;
-use cortex_m::peripheral::{DCB, DWT, SYST};
+use cortex_m::peripheral::{DCB, DWT, NVIC, SYST};
 use embedded_hal::delay::DelayNs;
 use firmware::constants::TICK_US;
-use stm32f4xx_hal::pac::{FLASH, TIM5};
+use stm32f4xx_hal::pac::{FLASH, Interrupt, TIM5, TIM11};
 use stm32f4xx_hal::rcc::{Enable, Rcc, Reset};
 
 /// Clock of the core, cycles per µs.
@@ -27,18 +27,47 @@ const _: () = {
     assert!(HSE_MHZ / PLL_M as u32 == 2 && PLL_N as u32 * 2 == 336);
     assert!(HSE_MHZ / PLL_M as u32 * PLL_N as u32 / 2 == CYCLES_PER_US);
 };
+/// The internal oscillator, MHz, right to 1 % at 25 °C and to 8 % over all temperatures, and the PLL's divider for it.
+const HSI_MHZ: u32 = 16;
+const HSI_PLL_M: u8 = 8;
+const _: () = assert!(HSI_MHZ / HSI_PLL_M as u32 == HSE_MHZ / PLL_M as u32, "the same from there on");
+/// How far the crystal may seem to be off, per cent: the internal oscillator's error and more, and a sixth of the way to
+/// the next usual crystal, of 12 MHz. With half of it a hot board may not start.
+const CRYSTAL_PERCENT: u32 = 10;
+/// Looks at a flag before a crystal counts as broken, a microsecond or less each: crystals start within some milliseconds.
+const CRYSTAL_PATIENCE: u32 = 100_000;
+/// Periods of the crystal / 16 that are measured, eight a capture.
+const CAPTURES: u32 = 32;
+
 /// Clock of TIM5 before its prescaler: twice that of APB1.
 const TIM5_MHZ: u16 = 84;
 const _: () = assert!(firmware::wiring::pwm::TIMER_HZ == CYCLES_PER_US * 1_000_000, "TIM8 runs at the core's clock");
 
-/// From the internal oscillator to the crystal. Does not return without one; the watchdog runs already.
-pub fn start(flash: &FLASH, rcc: &mut Rcc) {
-    rcc.cr().modify(|_, w| w.hseon().on());
-    while rcc.cr().read().hserdy().is_not_ready() {}
+/// What the board runs on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Source {
+    /// The crystal, as it should be.
+    Crystal,
+    /// The internal oscillator: there is no crystal of 8 MHz. Good enough for the line to the host and the log; nothing may
+    /// move.
+    Internal {
+        /// The crystal as measured, kHz; 0: it does not swing.
+        crystal_khz: u32,
+    },
+}
+
+/// From the internal oscillator to 168 MHz.
+pub fn start(flash: &FLASH, rcc: &mut Rcc, timer: &TIM11) -> Source {
+    let source = match crystal_khz(rcc, timer) {
+        khz if khz.abs_diff(HSE_MHZ * 1000) <= HSE_MHZ * 10 * CRYSTAL_PERCENT => Source::Crystal,
+        crystal_khz => Source::Internal { crystal_khz },
+    };
+    let from_crystal = source == Source::Crystal;
     rcc.pllcfgr().write(|w| {
+        let m = if from_crystal { PLL_M } else { HSI_PLL_M };
         // SAFETY: dividers and multiplier within their bounds, see above; Q / 7 = 48 MHz, unused.
-        unsafe { w.pllm().bits(PLL_M).plln().bits(PLL_N).pllq().bits(7) };
-        w.pllp().div2().pllsrc().hse()
+        unsafe { w.pllm().bits(m).plln().bits(PLL_N).pllq().bits(7) };
+        w.pllp().div2().pllsrc().bit(from_crystal)
     });
     rcc.cr().modify(|_, w| w.pllon().on());
     while rcc.cr().read().pllrdy().is_not_ready() {}
@@ -47,7 +76,43 @@ pub fn start(flash: &FLASH, rcc: &mut Rcc) {
     rcc.cfgr().modify(|_, w| w.hpre().div1().ppre1().div4().ppre2().div2());
     rcc.cfgr().modify(|_, w| w.sw().pll());
     while !rcc.cfgr().read().sws().is_pll() {}
-    rcc.cr().modify(|_, w| w.csson().on());
+    if from_crystal {
+        rcc.cr().modify(|_, w| w.csson().on());
+    }
+    source
+}
+
+/// The crystal's frequency by the internal oscillator, on which the processor runs here; 0 if it does not swing. TIM11 counts
+/// the oscillator and captures every eighth edge of the crystal / 16, which is wired to its channel 1 inside the chip.
+fn crystal_khz(rcc: &mut Rcc, timer: &TIM11) -> u32 {
+    rcc.cr().modify(|_, w| w.hseon().on());
+    if !(0..CRYSTAL_PATIENCE).any(|_| rcc.cr().read().hserdy().is_ready()) {
+        return 0;
+    }
+    // SAFETY: 16 is a divider of the field.
+    rcc.cfgr().modify(|_, w| unsafe { w.rtcpre().bits(16) });
+    TIM11::enable(rcc);
+    TIM11::reset(rcc);
+    // SAFETY: 0b10 is the crystal's share for the real-time clock; CC1S = 01 and IC1PSC = 11: an input, every eighth edge.
+    unsafe {
+        timer.or().write(|w| w.bits(0b10));
+        timer.ccmr1_input().write(|w| w.bits(0b1101));
+    }
+    timer.ccer().write(|w| w.cc1e().set_bit());
+    timer.cr1().write(|w| w.cen().enabled());
+    let mut clocks = 0;
+    let mut last = None;
+    for _ in 0..=CAPTURES {
+        if !(0..CRYSTAL_PATIENCE).any(|_| timer.sr().read().cc1if().bit_is_set()) {
+            return 0;
+        }
+        let now = timer.ccr1().read().bits() as u16;
+        clocks += last.replace(now).map_or(0, |last: u16| u32::from(now.wrapping_sub(last)));
+    }
+    TIM11::reset(rcc);
+    TIM11::disable(rcc);
+    // clocks / 16 MHz = captures · 8 · 16 / crystal
+    (CAPTURES * 8 * 16 * HSI_MHZ * 1000).checked_div(clocks).unwrap_or(0)
 }
 
 /// Starts the counter of the core's cycles; gives a delay that runs on them.
@@ -130,6 +195,9 @@ impl Clock {
         let now_us = self.timer.cnt().read().bits();
         self.timer.ccr1().write(|w| w.ccr().set(now_us.wrapping_add(tick_after_us)));
         self.acknowledge();
+        // A tick that was pending since the last period, because something blocked it or a debugger halted it, must not run
+        // on transfers that just begin.
+        NVIC::unpend(Interrupt::TIM5);
         self.timer.dier().write(|w| w.cc1ie().enabled());
         now_us
     }

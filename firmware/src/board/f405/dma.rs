@@ -66,6 +66,11 @@ pub fn clear(n: usize) {
     }
 }
 
+/// The interrupt of stream `n`, which has come to its end, does not come again; its flags stay.
+pub fn silence(n: usize) {
+    stream(n).cr().modify(|_, w| w.tcie().disabled());
+}
+
 /// Where the six bits of a stream begin in its register of flags (RM0090 10.5.1).
 const FLAG_SHIFT: [u32; 4] = [0, 6, 16, 22];
 

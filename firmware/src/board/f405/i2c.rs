@@ -14,7 +14,7 @@ use embedded_hal::i2c::{Error, ErrorKind, ErrorType, I2c, NoAcknowledgeSource, O
 use firmware::GyroInput;
 use firmware::driver::BMI323_BURST;
 use firmware::wiring::i2c::{Events, Lines, MAX_RECOVERY_STEPS, Port, Recovery, State, Transfer};
-use stm32f4xx_hal::gpio::{PB8, PB9};
+use stm32f4xx_hal::gpio::{Alternate, OpenDrain, PB8, PB9};
 use stm32f4xx_hal::pac::{GPIOB, I2C1};
 use stm32f4xx_hal::rcc::{Enable, Rcc, Reset};
 
@@ -43,15 +43,16 @@ const PAUSE_US: u32 = 20;
 /// The peripheral and its two pins.
 pub struct Bus {
     registers: I2C1,
+    _pins: (PB8<Alternate<4, OpenDrain>>, PB9<Alternate<4, OpenDrain>>),
 }
 
 impl Bus {
     /// Pins and peripheral. Pull-ups of 2.2 kΩ are on the board.
     pub fn new(registers: I2C1, clock: PB8, data: PB9, rcc: &mut Rcc) -> Self {
-        let _ = (clock.into_alternate_open_drain::<4>(), data.into_alternate_open_drain::<4>());
+        let pins = (clock.into_alternate_open_drain::<4>(), data.into_alternate_open_drain::<4>());
         I2C1::enable(rcc);
         I2C1::reset(rcc);
-        let mut bus = Bus { registers };
+        let mut bus = Bus { registers, _pins: pins };
         bus.set_up();
         bus
     }
@@ -122,6 +123,41 @@ impl Port for Bus {
     }
 }
 
+/// The peripheral polled: its interrupts stay off.
+struct Polled<'a>(&'a mut Bus);
+
+impl Port for Polled<'_> {
+    fn events(&mut self) -> Events {
+        self.0.events()
+    }
+
+    fn start(&mut self, acknowledge: bool) {
+        self.0.start(acknowledge);
+    }
+
+    fn pass_address(&mut self) {
+        self.0.pass_address();
+    }
+
+    fn write(&mut self, byte: u8) {
+        Port::write(self.0, byte);
+    }
+
+    fn read(&mut self) -> u8 {
+        Port::read(self.0)
+    }
+
+    fn refuse_next(&mut self) {
+        self.0.refuse_next();
+    }
+
+    fn stop(&mut self) {
+        self.0.stop();
+    }
+
+    fn listen(&mut self, _on: bool) {}
+}
+
 /// SR1: bus error, arbitration lost, no acknowledge, overrun.
 const ERRORS: u16 = 0x0F00;
 
@@ -184,14 +220,14 @@ impl Error for Failure {
 }
 
 /// The bus polled, for the set-up.
-pub struct Blocking {
-    bus: Bus,
+pub struct Blocking<'a> {
+    bus: &'a mut Bus,
     delay: CycleDelay,
 }
 
-impl Blocking {
+impl<'a> Blocking<'a> {
     /// Frees a bus that a part held through the reset.
-    pub fn new(bus: Bus, delay: CycleDelay) -> Self {
+    pub fn new(bus: &'a mut Bus, delay: CycleDelay) -> Self {
         let mut blocking = Blocking { bus, delay };
         if blocking.bus.is_held() {
             defmt::warn!("I2C: a part holds the bus");
@@ -200,15 +236,10 @@ impl Blocking {
         blocking
     }
 
-    /// The bus, idle.
-    pub fn release(self) -> Bus {
-        self.bus
-    }
-
     fn free(&mut self) {
         let mut recovery = Recovery::default();
         for _ in 0..MAX_RECOVERY_STEPS {
-            if recovery.step(&mut self.bus) {
+            if recovery.step(self.bus) {
                 break;
             }
             self.delay.delay_us(EDGE_US);
@@ -217,10 +248,10 @@ impl Blocking {
 
     fn run(&mut self, address: u8, out: &[u8], answer: &mut [u8]) -> Result<(), Failure> {
         self.delay.delay_us(PAUSE_US);
-        let mut transfer = Transfer::default();
-        transfer.begin(&mut self.bus, address, out, answer.len());
+        let (mut transfer, mut port) = (Transfer::default(), Polled(&mut *self.bus));
+        transfer.begin(&mut port, address, out, answer.len());
         for _ in 0..PATIENCE {
-            transfer.step(&mut self.bus);
+            transfer.step(&mut port);
             match transfer.state() {
                 State::Busy => {}
                 State::NotAcknowledged => return Err(Failure::NotAcknowledged),
@@ -233,17 +264,16 @@ impl Blocking {
                 }
             }
         }
-        self.bus.listen(false);
         self.free();
         Err(Failure::Hung)
     }
 }
 
-impl ErrorType for Blocking {
+impl ErrorType for Blocking<'_> {
     type Error = Failure;
 }
 
-impl I2c for Blocking {
+impl I2c for Blocking<'_> {
     fn transaction(&mut self, address: u8, operations: &mut [Operation<'_>]) -> Result<(), Failure> {
         match operations {
             [Operation::Write(out)] => self.run(address, out, &mut []),
@@ -256,23 +286,26 @@ impl I2c for Blocking {
 /// The burst of a tick.
 pub struct Burst {
     bus: Bus,
-    there: bool,
     transfer: Transfer,
     recovery: Option<Recovery>,
     failed: bool,
 }
 
 impl Burst {
-    /// Nothing under way; `there` is whether the part could be set up.
-    pub fn new(bus: Bus, there: bool) -> Self {
-        Burst { bus, there, transfer: Transfer::default(), recovery: None, failed: false }
+    /// Nothing under way; the part is set up.
+    pub fn new(bus: Bus) -> Self {
+        Burst { bus, transfer: Transfer::default(), recovery: None, failed: false }
+    }
+
+    /// The bus, silent. Between two bursts.
+    pub fn release(mut self) -> Bus {
+        self.bus.listen(false);
+        self.bus.set_up();
+        self.bus
     }
 
     /// Starts it, or goes on with the recovery.
     pub fn begin(&mut self) {
-        if !self.there {
-            return;
-        }
         if self.recovery.is_some() {
             return self.recover();
         }
@@ -286,9 +319,6 @@ impl Burst {
 
     /// Ends it: the reading, or a bus error.
     pub fn collect(&mut self) -> GyroInput {
-        if !self.there {
-            return GyroInput::BusError;
-        }
         if self.recovery.is_some() {
             self.recover();
             return GyroInput::BusError;

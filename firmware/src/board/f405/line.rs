@@ -69,6 +69,18 @@ pub fn start(usart: USART1, tx: PA9, rx: PA10, rcc: &mut Rcc) -> (LineOut, LineI
     (LineOut(()), LineIn { taken: 0 })
 }
 
+/// Clears an overrun or a framing error of the receiver, which a break or a line that is plugged in leaves: with an overrun
+/// standing no byte reaches the stream any more. Reading the status, then the data register, clears; only while nothing
+/// comes in, for a byte that waits there would be lost.
+fn clear_errors() {
+    // SAFETY: reads only, and the data register by the receiver's owner.
+    let usart = unsafe { &*USART1::ptr() };
+    let status = usart.sr().read();
+    if status.ore().bit_is_set() || status.fe().bit_is_set() || status.nf().bit_is_set() {
+        let _ = usart.dr().read();
+    }
+}
+
 impl wiring::LineOut for LineOut {
     fn room(&mut self) -> Option<&mut [u8]> {
         // A stream switches itself off at its end, and at an error, after which the frames are lost on the line.
@@ -102,6 +114,9 @@ impl wiring::LineIn for LineIn {
         // The stream counts down from IN to 1 and starts again.
         let written = (IN - left.min(IN)) % IN;
         let n = ((written + IN - self.taken) % IN).min(out.len());
+        if n == 0 {
+            clear_errors();
+        }
         for byte in &mut out[..n] {
             *byte = IN_MEMORY.get(self.taken);
             self.taken = (self.taken + 1) % IN;

@@ -26,32 +26,80 @@ mod supply;
 mod watchdog;
 
 use cortex_m::Peripherals as Core;
-use firmware::driver::{Bmi323, Icm42688p};
+use cortex_m::singleton;
+use embedded_hal::delay::DelayNs;
+use firmware::driver::register::{Bmi323Register, Icm42688pRegister};
+use firmware::driver::{Bmi323, GyroError, Icm42688p};
 use firmware::robot;
 use firmware::wiring::BUS_BOUND_US;
-use firmware::{Inputs, Outputs, wiring};
+use firmware::wiring::absence::Absence;
+use firmware::{GyroInput, Inputs, Outputs, wiring};
 use protocol::Duty;
 use stm32f4xx_hal::gpio::GpioExt;
 use stm32f4xx_hal::pac::Peripherals as Device;
 use stm32f4xx_hal::rcc::RccExt;
 
+use super::gyro::{Exchange, Search, Way};
 use super::{Board, gyro};
-use clock::{Clock, Stopwatch};
+use clock::{Clock, CycleDelay, Source, Stopwatch};
 use encoders::Encoders;
 pub use line::{LineIn, LineOut};
 use motors::Motors;
 pub use motors::motors_off;
 use supply::Supply;
+pub use supply::fell as supply_fell;
 pub use watchdog::Watchdog;
 
 /// The gyros of the board.
 type Imu1 = Icm42688p<spi::Spi>;
-type Imu2 = Bmi323<i2c::Blocking>;
+type Imu2 = Bmi323<i2c::Blocking<'static>>;
+
+// More joints than motors would build, and the last ones never be driven.
+const _: () =
+    assert!(robot::JOINTS == motors::MOTORS, "the robot has another number of joints than the board of motors");
+const _: () = assert!(robot::GYROS == 2, "the robot has another number of gyros than the board");
+
+/// The emergency stop is a contact that can be short-circuited: it must be pressed once before anything moves.
+pub const STOP_TEST: bool = true;
+
+/// A bus with its gyro, on its way between the tick and `idle`.
+pub enum Bus {
+    /// Gyro 1.
+    Spi(spi::Spi),
+    /// Gyro 2.
+    I2c(i2c::Bus),
+}
+
+impl gyro::Part for Bus {
+    fn number(&self) -> u8 {
+        match self {
+            Bus::Spi(_) => 1,
+            Bus::I2c(_) => 2,
+        }
+    }
+
+    fn attempt(&mut self) -> bool {
+        match self {
+            Bus::Spi(spi) => imu1(spi).is_ok(),
+            Bus::I2c(bus) => imu2(&mut i2c::Blocking::new(bus, CycleDelay)).is_ok(),
+        }
+    }
+}
+
+type Failed<R, E> = GyroError<R, E>;
+
+fn imu1(spi: &mut spi::Spi) -> Result<(), Failed<Icm42688pRegister, spi::Stuck>> {
+    Icm42688p::new(spi, robot::GYRO_RANGE, &mut CycleDelay).map(drop)
+}
+
+fn imu2(i2c: &mut i2c::Blocking<'_>) -> Result<(), Failed<Bmi323Register, i2c::Failure>> {
+    Bmi323::new(i2c, Imu2::ADDRESS_SDO_LOW, robot::GYRO_RANGE, &mut CycleDelay).map(drop)
+}
 
 /// Starts the board: motors off first, then the watchdog, clocks, pins, gyros, and last the period.
 ///
-/// Takes at most half a second, whatever is broken: a gyro is tried three times. Without its crystal the board stays in
-/// here until the watchdog resets it, again and again, with its motors off.
+/// Takes at most half a second, whatever is broken: a gyro is tried three times, and later again from `idle`. Without its
+/// crystal the board runs on its internal oscillator and says so; nothing moves then.
 #[inline(never)]
 pub fn start(core: Core, device: Device) -> Board {
     let mut rcc = device.RCC.constrain();
@@ -61,8 +109,17 @@ pub fn start(core: Core, device: Device) -> Board {
     let watchdog = Watchdog::start(device.IWDG, &device.DBGMCU);
     let started = reset::reason(&rcc);
 
-    clock::start(&device.FLASH, &mut rcc);
-    let supply = Supply::new(device.PWR, port_c.pc0, &mut rcc);
+    let source = clock::start(&device.FLASH, &mut rcc, &device.TIM11);
+    if let Source::Internal { crystal_khz } = source {
+        defmt::error!(
+            "the crystal has {=u32} kHz (0: it does not swing) instead of 8000; nothing will move",
+            crystal_khz
+        );
+    }
+    if !supply::resets_in_time(&device.FLASH) {
+        defmt::warn!("the option byte BOR_LEV is not at level 3: a supply that collapses is not caught in time");
+    }
+    let supply = Supply::new(device.PWR, port_c.pc0, &device.EXTI, &mut rcc);
     let motors = Motors::new(device.TIM8, pins, &mut rcc);
     let encoders = Encoders::new(
         (device.TIM2, port_a.pa0, port_a.pa1),
@@ -74,17 +131,28 @@ pub fn start(core: Core, device: Device) -> Board {
 
     dma::enable(&device.DMA2, &mut rcc);
     let mut spi = spi::Spi::new(device.SPI1, (port_a.pa4, port_a.pa5, port_a.pa6, port_a.pa7), &mut rcc);
-    let imu1 = gyro::set_up(
-        1,
-        || Icm42688p::new(&mut spi, robot::GYRO_RANGE, &mut delay).map(drop),
-        |register| register as u8,
-    );
-    let mut i2c = i2c::Blocking::new(i2c::Bus::new(device.I2C1, port_b.pb8, port_b.pb9, &mut rcc), delay);
-    let imu2 = gyro::set_up(
-        2,
-        || Bmi323::new(&mut i2c, Imu2::ADDRESS_SDO_LOW, robot::GYRO_RANGE, &mut delay).map(drop),
-        |register| register as u8,
-    );
+    let mut i2c = i2c::Bus::new(device.I2C1, port_b.pb8, port_b.pb9, &mut rcc);
+    let ways = (singleton!(: Way<Bus> = Way::new()), singleton!(: Way<Bus> = Way::new()));
+    let (Some(lost), Some(found)) = ways else { unreachable!("`start` runs once") };
+    let (exchange, mut search) = Search::new(lost, found);
+    delay.delay_ms(gyro::POWER_UP_MS);
+    let found = gyro::set_up(1, &mut delay, || imu1(&mut spi), |register| register as u8);
+    let spi = if found {
+        Some(spi::Burst::new(spi))
+    } else {
+        search.miss(Bus::Spi(spi));
+        None
+    };
+    let found = {
+        let mut blocking = i2c::Blocking::new(&mut i2c, delay);
+        gyro::set_up(2, &mut delay, || imu2(&mut blocking), |register| register as u8)
+    };
+    let i2c = if found {
+        Some(i2c::Burst::new(i2c))
+    } else {
+        search.miss(Bus::I2c(i2c));
+        None
+    };
 
     let (line_out, line_in) = line::start(device.USART1, port_a.pa9, port_a.pa10, &mut rcc);
     let clock = Clock::start(device.TIM5, core.SYST, &mut rcc);
@@ -92,13 +160,18 @@ pub fn start(core: Core, device: Device) -> Board {
         clock,
         motors,
         encoders,
-        spi: spi::Burst::new(spi, imu1),
-        i2c: i2c::Burst::new(i2c.release(), imu2),
+        spi,
+        i2c,
+        absence: Default::default(),
+        exchange,
         supply,
+        wrong_clock: source != Source::Crystal,
+        dropped: false,
+        running: false,
         preloaded: None,
         stopwatch: Stopwatch::default(),
     };
-    Board { pins, line_out, line_in, watchdog: watchdog.shorten(), started }
+    Board { pins, line_out, line_in, watchdog, search, started }
 }
 
 /// Sensors and motors.
@@ -106,9 +179,17 @@ pub struct Pins {
     clock: Clock,
     motors: Motors,
     encoders: Encoders,
-    spi: spi::Burst,
-    i2c: i2c::Burst,
+    /// None while its gyro is missing.
+    spi: Option<spi::Burst>,
+    i2c: Option<i2c::Burst>,
+    absence: [Absence; 2],
+    exchange: Exchange<Bus>,
     supply: Supply,
+    wrong_clock: bool,
+    /// What was preloaded for this period came too late.
+    dropped: bool,
+    /// The timer was started before.
+    running: bool,
     /// What the last tick decided; none if it did not come this far.
     preloaded: Option<[Duty; motors::MOTORS]>,
     stopwatch: Stopwatch,
@@ -120,11 +201,20 @@ impl wiring::Pins for Pins {
         // First of all, for the least jitter. If the timer has stopped, this period comes so late that what was meant
         // for it must not act any more; the tick will find the overrun.
         let driven = self.motors.driven();
-        self.motors.drive(self.preloaded.take().filter(|_| driven).unwrap_or_default());
+        let preloaded = self.preloaded.take();
+        self.dropped = preloaded.is_some() && !driven && self.running;
+        self.motors.drive(preloaded.filter(|_| driven).unwrap_or_default());
+        self.running = true;
         let now_us = self.clock.begin(BUS_BOUND_US);
         self.encoders.latch();
-        self.spi.begin();
-        self.i2c.begin();
+        if let Some(bus) = self.exchange.found.dequeue() {
+            match bus {
+                Bus::Spi(spi) => self.spi = Some(spi::Burst::new(spi)),
+                Bus::I2c(bus) => self.i2c = Some(i2c::Burst::new(bus)),
+            }
+        }
+        self.spi.iter_mut().for_each(spi::Burst::begin);
+        self.i2c.iter_mut().for_each(i2c::Burst::begin);
         self.stopwatch.halt();
         now_us
     }
@@ -136,13 +226,30 @@ impl wiring::Pins for Pins {
         let mut inputs = Inputs {
             emergency_stop: self.supply.emergency_stop(),
             brown_out: self.supply.brown_out(),
+            wrong_clock: self.wrong_clock,
+            dropped: self.dropped,
             last_execution_us,
             ..Inputs::default()
         };
         for (input, counts) in inputs.encoders.iter_mut().zip(self.encoders.counts()) {
             *input = Some(counts);
         }
-        inputs.gyros = [self.spi.collect(), self.i2c.collect()];
+        inputs.gyros = [
+            self.spi.as_mut().map_or(GyroInput::BusError, spi::Burst::collect),
+            self.i2c.as_mut().map_or(GyroInput::BusError, i2c::Burst::collect),
+        ];
+        let [first, second] = inputs.gyros.map(|input| matches!(input, GyroInput::Words(_)));
+        // Each way has room for both buses, so what is given back arrives.
+        if self.absence[0].lasts(first)
+            && let Some(burst) = self.spi.take()
+        {
+            let _ = self.exchange.lost.enqueue(Bus::Spi(burst.release()));
+        }
+        if self.absence[1].lasts(second)
+            && let Some(burst) = self.i2c.take()
+        {
+            let _ = self.exchange.lost.enqueue(Bus::I2c(burst.release()));
+        }
         inputs
     }
 
@@ -150,12 +257,18 @@ impl wiring::Pins for Pins {
         if outputs.stop {
             self.motors.drive([Duty::ZERO; motors::MOTORS]);
         }
-        let [a, b, c, ..] = outputs.duty;
-        self.preloaded = Some([a, b, c]);
+        self.motors.arm(outputs.armed);
+        let mut duty = [Duty::ZERO; motors::MOTORS];
+        duty.iter_mut().zip(outputs.duty).for_each(|(motor, duty)| *motor = duty);
+        self.preloaded = Some(duty);
         self.stopwatch.halt();
     }
 
     fn bus_event(&mut self) {
-        self.i2c.on_interrupt();
+        self.i2c.iter_mut().for_each(i2c::Burst::on_interrupt);
+    }
+
+    fn burst_over(&mut self) {
+        self.spi.iter_mut().for_each(spi::Burst::on_interrupt);
     }
 }

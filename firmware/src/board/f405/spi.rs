@@ -1,7 +1,7 @@
 //! IMU 1 on SPI1: byte by byte for its set-up, by DMA for the burst of a tick.
 //!
-//! 84 MHz / 8 = 10.5 MHz (the part takes 24), mode 0. Chip select falls at the start of the burst and rises when the tick
-//! collects it.
+//! 84 MHz / 8 = 10.5 MHz (the part takes 24), mode 0. Chip select falls at the start of the burst and rises when its last
+//! byte is in, by the interrupt of the receiving stream: the part fills its registers while its interface is idle.
 
 use core::convert::Infallible;
 
@@ -9,7 +9,7 @@ use embedded_hal::delay::DelayNs;
 use embedded_hal::spi::{Error, ErrorKind, ErrorType, Operation, SpiDevice};
 use firmware::GyroInput;
 use firmware::driver::ICM42688P_BURST;
-use stm32f4xx_hal::gpio::{Output, PA4, PA5, PA6, PA7, PinState};
+use stm32f4xx_hal::gpio::{Alternate, Output, PA4, PA5, PA6, PA7, PinState, Speed};
 use stm32f4xx_hal::pac::SPI1;
 use stm32f4xx_hal::rcc::{Enable, Rcc, Reset};
 
@@ -37,19 +37,24 @@ impl Error for Stuck {
 pub struct Spi {
     registers: SPI1,
     select: PA4<Output>,
+    /// Clock and data out, data in.
+    _pins: ((PA5<Alternate<5>>, PA7<Alternate<5>>), PA6<Alternate<5>>),
 }
 
 impl Spi {
     /// Chip select high, clock and data in low.
     pub fn new(registers: SPI1, (select, clock, miso, mosi): (PA4, PA5, PA6, PA7), rcc: &mut Rcc) -> Self {
         let select = select.into_push_pull_output_in_state(PinState::High);
-        let _ = (clock.into_alternate::<5>(), miso.into_alternate::<5>(), mosi.into_alternate::<5>());
+        // At the reset's speed an edge takes up to 100 ns, half a period of the clock is 48. High, not very high: the
+        // faster edge rings on a cable.
+        let outputs = (clock.into_alternate::<5>().speed(Speed::High), mosi.into_alternate::<5>().speed(Speed::High));
+        let pins = (outputs, miso.into_alternate::<5>());
         SPI1::enable(rcc);
         SPI1::reset(rcc);
         registers
             .cr1()
             .write(|w| w.mstr().master().ssm().enabled().ssi().slave_not_selected().br().div8().spe().enabled());
-        Spi { registers, select }
+        Spi { registers, select, _pins: pins }
     }
 
     fn exchange(&mut self, byte: u8) -> Result<u8, Stuck> {
@@ -109,13 +114,12 @@ impl SpiDevice for Spi {
 /// The burst of a tick.
 pub struct Burst {
     spi: Spi,
-    there: bool,
     failed: bool,
 }
 
 impl Burst {
-    /// Hands the bus to the streams; `there` is whether the part could be set up.
-    pub fn new(spi: Spi, there: bool) -> Self {
+    /// Hands the bus, with a part that is set up, to the streams.
+    pub fn new(spi: Spi) -> Self {
         // SAFETY: the stream does not run yet.
         *unsafe { OUT_MEMORY.bytes() } = Imu1::READ_REQUEST;
         let data = spi.registers.dr().as_ptr() as u32;
@@ -127,32 +131,40 @@ impl Burst {
                 stream.m0ar().write(|w| w.bits(memory.address()));
             }
         }
-        input.cr().write(|w| w.chsel().set(3).dir().peripheral_to_memory().minc().incremented().pl().very_high());
+        input.cr().write(|w| {
+            w.chsel().set(3).dir().peripheral_to_memory().minc().incremented().pl().very_high().tcie().enabled()
+        });
         output.cr().write(|w| w.chsel().set(3).dir().memory_to_peripheral().minc().incremented().pl().high());
         spi.registers.cr2().write(|w| w.rxdmaen().enabled().txdmaen().enabled());
-        Burst { spi, there, failed: false }
+        Burst { spi, failed: false }
+    }
+
+    /// Takes the bus back from the streams. Between two bursts.
+    pub fn release(self) -> Spi {
+        self.spi.registers.cr2().reset();
+        self.spi
     }
 
     /// Starts it.
     pub fn begin(&mut self) {
-        if !self.there {
-            return;
-        }
         self.spi.select.set_low();
         // The receiving stream first and with the higher priority, so that no byte finds the register full.
         for n in [dma::SPI_IN, dma::SPI_OUT] {
             dma::clear(n);
             let stream = dma::stream(n);
             stream.ndtr().write(|w| w.ndt().set(ICM42688P_BURST as u16));
-            stream.cr().modify(|_, w| w.en().enabled());
+            stream.cr().modify(|_, w| w.tcie().bit(n == dma::SPI_IN).en().enabled());
         }
+    }
+
+    /// The last byte is in. The flags stay for [`collect`](Self::collect); the interrupt does not come again.
+    pub fn on_interrupt(&mut self) {
+        self.spi.select.set_high();
+        dma::silence(dma::SPI_IN);
     }
 
     /// Ends it: the reading, or a bus error if it is not over.
     pub fn collect(&mut self) -> GyroInput {
-        if !self.there {
-            return GyroInput::BusError;
-        }
         let flags = dma::flags(dma::SPI_IN);
         let whole = flags.complete && !flags.error && dma::stream(dma::SPI_IN).ndtr().read().ndt().bits() == 0;
         if !whole {

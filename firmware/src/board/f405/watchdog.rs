@@ -11,6 +11,8 @@ use stm32f4xx_hal::pac::{DBGMCU, IWDG};
 /// Never to be stopped once it runs.
 pub struct Watchdog {
     registers: IWDG,
+    /// The time of a start is still in force.
+    starting: bool,
 }
 
 impl Watchdog {
@@ -18,7 +20,7 @@ impl Watchdog {
     pub fn start(registers: IWDG, debug: &DBGMCU) -> Self {
         debug.apb1_fz().modify(|_, w| w.dbg_iwdg_stop().set_bit());
         registers.kr().write(|w| w.key().start());
-        let watchdog = Watchdog { registers };
+        let watchdog = Watchdog { registers, starting: true };
         watchdog.registers.kr().write(|w| w.key().unlock());
         watchdog.registers.pr().write(|w| w.pr().divide_by64());
         watchdog.registers.rlr().write(|w| w.rl().set(1000));
@@ -27,16 +29,15 @@ impl Watchdog {
     }
 
     /// The time of a tick, from here on.
-    pub fn shorten(self) -> Self {
+    fn shorten(&mut self) {
+        self.starting = false;
         self.registers.kr().write(|w| w.key().unlock());
         self.registers.pr().write(|w| w.pr().divide_by4());
         self.registers.rlr().write(|w| w.rl().set(127));
-        self.settle();
-        self
     }
 
-    /// Waits until the new settings count, five cycles of the slow oscillator, then starts the time anew. The bound, a
-    /// few milliseconds at 168 MHz, is for an oscillator that does not run.
+    /// Waits until the settings of the start count, five cycles of the slow oscillator, then starts the time anew. The
+    /// bound is for an oscillator that does not run.
     fn settle(&self) {
         for _ in 0..100_000 {
             let status = self.registers.sr().read();
@@ -49,7 +50,12 @@ impl Watchdog {
 }
 
 impl wiring::Watchdog for Watchdog {
+    /// The first one ends the time of the start: by then everything has run once, the checksum over the code included. What
+    /// is set counts from the next feed on at the latest; nobody waits for it here.
     fn feed(&mut self) {
+        if self.starting {
+            self.shorten();
+        }
         self.registers.kr().write(|w| w.key().feed());
     }
 }

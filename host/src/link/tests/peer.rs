@@ -173,6 +173,8 @@ pub struct Doggy {
     /// First tick of the motion that is played.
     pub playing: Option<u32>,
     pub last_end: Option<(MotionId, MotionEnd)>,
+    /// Latched until it is cleared.
+    pub fault: Option<protocol::Fault>,
 }
 
 impl Default for Doggy {
@@ -198,6 +200,7 @@ impl Default for Doggy {
             waiting: None,
             playing: None,
             last_end: None,
+            fault: None,
         }
     }
 }
@@ -205,7 +208,7 @@ impl Default for Doggy {
 impl Doggy {
     fn status(&self) -> Status {
         Status {
-            state: State::Idle,
+            state: self.fault.map_or(State::Idle, State::Fault),
             streaming: self.streaming,
             first_seq: self.first_seq,
             end_seq: if self.streaming { self.seq } else { self.end_seq },
@@ -220,6 +223,28 @@ impl Doggy {
         self.last_end = Some((MotionId(1), end));
         let kind = EventKind::MotionEnded { motion: MotionId(1), end };
         out.report(&Report::Event(Event { seq: self.seq, t_us: self.seq.wrapping_mul(1000), kind }));
+    }
+
+    fn act(&mut self, command: &Command, out: &mut Wire) -> Result<(), Refusal> {
+        match command {
+            Command::Stream { on: true } => {
+                (self.streaming, self.first_seq, self.dropped) = (true, self.seq, 0);
+                self.worked_off = self.seq;
+            }
+            Command::Stream { on: false } => (self.streaming, self.end_seq) = (false, self.seq),
+            Command::Start { .. } if self.hello.zero.is_none() => return Err(Refusal::NotZeroed),
+            Command::Start { at_seq: Some(at), .. } if (at.wrapping_sub(self.seq) as i32) <= 0 => {
+                return Err(Refusal::Late { asked: *at, now: self.seq });
+            }
+            Command::Start { at_seq: Some(at), .. } => self.waiting = Some(*at),
+            Command::Start { at_seq: None, .. } => self.playing = Some(self.seq),
+            Command::Stop if self.playing.is_some() => self.end(MotionEnd::Stopped, out),
+            Command::SetZero => self.hello.zero = Some([0; 3].into_iter().collect()),
+            Command::ClearFault => self.fault = None,
+            Command::Status => out.report(&Report::Status(self.status())),
+            _ => {}
+        }
+        Ok(())
     }
 }
 
@@ -237,29 +262,15 @@ impl Script for Doggy {
                 out.report(&Report::HeartbeatSeen { count: beat.count, t_us: 0 });
             }
             ToDevice::Request { id, command } => {
-                let mut memory = self.memory;
-                let answer = memory.answer(*id, || {
-                    self.acted.lock().unwrap().push(command.clone());
-                    match command {
-                        Command::Stream { on: true } => {
-                            (self.streaming, self.first_seq, self.dropped) = (true, self.seq, 0);
-                            self.worked_off = self.seq;
-                        }
-                        Command::Stream { on: false } => (self.streaming, self.end_seq) = (false, self.seq),
-                        Command::Start { .. } if self.hello.zero.is_none() => return Err(Refusal::NotZeroed),
-                        Command::Start { at_seq: Some(at), .. } if (at.wrapping_sub(self.seq) as i32) <= 0 => {
-                            return Err(Refusal::Late { asked: *at, now: self.seq });
-                        }
-                        Command::Start { at_seq: Some(at), .. } => self.waiting = Some(*at),
-                        Command::Start { at_seq: None, .. } => self.playing = Some(self.seq),
-                        Command::Stop if self.playing.is_some() => self.end(MotionEnd::Stopped, out),
-                        Command::SetZero => self.hello.zero = Some([0; 3].into_iter().collect()),
-                        Command::Status => out.report(&Report::Status(self.status())),
-                        _ => {}
+                let answer = match self.memory.recall(*id, command) {
+                    Some(answer) => answer,
+                    None => {
+                        self.acted.lock().unwrap().push(command.clone());
+                        let answer = self.act(command, out);
+                        self.memory.keep(*id, command, answer);
+                        answer
                     }
-                    Ok(())
-                });
-                self.memory = memory;
+                };
                 if self.deaf < self.lost_answers {
                     self.deaf += 1;
                     return;
