@@ -15,6 +15,7 @@
 mod drive;
 mod dynamics;
 mod elementary;
+pub mod expression;
 pub mod fast;
 mod inertia;
 mod input;
@@ -32,12 +33,14 @@ mod sensor_laws;
 mod supply;
 #[cfg(test)]
 mod tests;
+pub(crate) mod traced;
 
 pub use dynamics::{Dynamics, Linear, LinksAt};
+pub use expression::Expression;
 pub use input::Input;
 pub use integrator::{Integrator, StepSlopes, Stepper};
 pub use parameters::{Coordinate, Coordinates};
-pub use quantity::{Quantity, variable};
+pub use quantity::{Number, Quantity, variable};
 pub use sensor::{GyroSlopes, SensorFrame};
 pub use sensor_laws::{GyroReading, PositionReading, SensorLaws};
 

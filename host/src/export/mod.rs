@@ -1,0 +1,33 @@
+//! A calibrated model for other tools: one model, written down once, and every file made from it.
+//!
+//! ```text
+//! CAL.json ─▶ Exported ─┬─▶ robot file                         the same program's next --robot
+//!                       ├─▶ Program (traced) ─┬─▶ C
+//!                       │                     └─▶ Rust         ẋ, readings, Jacobians, a step
+//!                       ├─▶ MJCF
+//!                       └─▶ URDF
+//! ```
+//! A [`Program`] is what the model's own equations write down when they run on expressions in place of numbers, so that there is no second copy of
+//! them. Every file begins with where it comes from and ends its head with its [`Loss`]es.
+
+mod exported;
+mod program;
+mod slopes;
+#[cfg(test)]
+mod tests;
+
+pub use exported::{Exported, Parameter, Place, Quantity};
+pub use program::{Program, Sizes};
+
+use crate::verify::VerifyError;
+
+/// Why a model cannot be exported.
+#[derive(Debug, thiserror::Error)]
+pub enum ExportError {
+    /// The calibration.
+    #[error(transparent)]
+    Calibration(#[from] VerifyError),
+    /// A law that looks at values.
+    #[error("a law of this model cannot be written down as a formula: calibrate without --extend of it")]
+    Untraceable,
+}
