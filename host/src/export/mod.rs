@@ -10,14 +10,31 @@
 //! A [`Program`] is what the model's own equations write down when they run on expressions in place of numbers, so that there is no second copy of
 //! them. Every file begins with where it comes from and ends its head with its [`Loss`]es.
 
+mod c;
 mod exported;
+mod head;
+mod loss;
+mod machine;
+mod mjcf;
 mod program;
+#[cfg(test)]
+mod real;
+mod robot_file;
+mod rust;
 mod slopes;
 #[cfg(test)]
 mod tests;
+mod text;
+mod urdf;
 
+pub use c::{CFiles, c};
 pub use exported::{Exported, Parameter, Place, Quantity};
+pub use loss::{Kept, Loss};
+pub use mjcf::mjcf;
 pub use program::{Program, Sizes};
+pub use robot_file::robot_file;
+pub use rust::rust;
+pub use urdf::urdf;
 
 use crate::verify::VerifyError;
 
@@ -30,4 +47,10 @@ pub enum ExportError {
     /// A law that looks at values.
     #[error("a law of this model cannot be written down as a formula: calibrate without --extend of it")]
     Untraceable,
+    /// The robot description inside the calibration.
+    #[error("the robot description inside the calibration cannot take the calibrated values: {message}")]
+    Description {
+        /// What is wrong.
+        message: String,
+    },
 }

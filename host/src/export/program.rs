@@ -77,6 +77,11 @@ impl Program {
         self.nodes[expression.place()]
     }
 
+    /// Whether a node is the number zero.
+    pub fn is_zero(&self, expression: Expression) -> bool {
+        self.node(expression) == Node::Constant(0)
+    }
+
     /// All nodes that these need, themselves included, in the order of computing.
     pub fn needed(&self, roots: impl IntoIterator<Item = Expression>) -> Vec<Expression> {
         let mut seen = vec![false; self.nodes.len()];

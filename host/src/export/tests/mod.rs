@@ -1,2 +1,4 @@
+mod compiled;
 mod fixtures;
+mod real;
 mod traced;
