@@ -173,9 +173,8 @@ impl Exported<'_> {
         for (index, law) in model.laws().iter().enumerate() {
             if let Some(payload) = law.payload() {
                 let mass_kg = model.coordinates().of_law(index, self.calibrated.z())[payload.mass];
-                let nothing = Moments { mass_kg: 0.0, first: Vector3::zeros(), about_origin: Matrix3::zeros() };
                 let at = Vector3::from(payload.at_m);
-                let mass = Moments { mass_kg, first: at * mass_kg, about_origin: steiner(mass_kg, at), ..nothing };
+                let mass = Moments { mass_kg, first: at * mass_kg, about_origin: steiner(mass_kg, at) };
                 let outermost = payload.joint + 1 == bodies.len();
                 match outer.as_mut().filter(|_| outermost) {
                     Some(outer) => *outer = outer.plus(&mass, 1.0),

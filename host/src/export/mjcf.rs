@@ -392,7 +392,10 @@ fn of_effect(exported: &Exported<'_>, id: &str) -> Loss {
         "belt_hardening" | "quadratic_drag" => Loss::exact(id, polynomial),
         "link_friction" => Loss::approximate(id, "as friction and damping of the link; see Coulomb friction"),
         "current_limit" => Loss::approximate(id, "of the driving torque, the back-EMF left out"),
-        "input_delay" => Loss::exact(id, "as the actuators' delay, linear between samples, which MuJoCo 4 reads"),
+        "input_delay" => Loss::approximate(
+            id,
+            "as the actuators' delay, linear between steps, which MuJoCo 4 reads: half a step apart at most",
+        ),
         "backlash" => Loss::approximate(id, "a spring that rests in the gap; the damper acts there as well"),
         "integrator_error" => Loss::lost(id, "MuJoCo integrates by a better method"),
         "pwm_dead_zone" => {

@@ -1,0 +1,123 @@
+//! Files for MuJoCo, played there beside the model's own run. Needs Python with the package `mujoco`; `PYTHON` names another interpreter.
+
+use std::process::Command;
+
+use super::fixtures::{calibration, robot};
+use crate::export::{Exported, Kept, mjcf};
+use crate::model::{Input, Stepper};
+use crate::robot::Robot;
+
+/// Largest difference of a link's position that is allowed, rad or m.
+const ATOL: f64 = 1e-3;
+const SECONDS: f64 = 5.0;
+
+const PLAY: &str = r#"
+import mujoco, sys, math
+model = mujoco.MjModel.from_xml_path(sys.argv[1])
+data = mujoco.MjData(model)
+seconds, amplitude = float(sys.argv[2]), float(sys.argv[3])
+names = [model.actuator(i).name for i in range(model.nu)]
+joints = [model.joint(i).name for i in range(model.njnt)]
+def position(name):
+    if name in joints:
+        return data.joint(name).qpos[0]
+    return data.joint(name + "_motor").qpos[0] + data.joint(name + "_belt").qpos[0]
+hold = float(sys.argv[4])
+steps = round(hold / model.opt.timestep)
+for k in range(round(seconds / hold)):
+    for i in range(model.nu):
+        data.ctrl[i] = amplitude * math.sin(2 * math.pi * (0.4 + 0.17 * i) * k * hold + i)
+    for _ in range(steps):
+        mujoco.mj_step(model, data)
+    print(*[repr(float(position(name))) for name in names])
+"#;
+
+fn python() -> Option<Command> {
+    let command = || Command::new(std::env::var_os("PYTHON").unwrap_or_else(|| "python3".into()));
+    let works = command().args(["-c", "import mujoco"]).output().is_ok_and(|output| output.status.success());
+    works.then(command)
+}
+
+/// Plays a robot without Coulomb friction in both; the largest difference. All of the file must be exact.
+fn apart(python: &mut Command, name: &str, robot: &Robot, extensions: &[&str], amplitude: f64) -> f64 {
+    let mut calibration = calibration(robot, extensions);
+    for parameter in &mut calibration.parameters {
+        if parameter.name.starts_with("mu") {
+            parameter.estimate = 0.0;
+        }
+        if parameter.name == "coriolis.scale" {
+            parameter.estimate = 1.0;
+        }
+    }
+    let exported = Exported::of(&calibration).unwrap();
+    let (text, losses) = mjcf(&exported).unwrap();
+    for loss in &losses {
+        assert!(loss.kept != Kept::Approximate, "{name}: {loss}");
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("model.xml");
+    std::fs::write(&path, text).unwrap();
+    let hold_s = robot.sample_period_s;
+    let numbers = [SECONDS, amplitude, hold_s].map(|number| format!("{number}"));
+    let output = python.args(["-c", PLAY]).arg(&path).args(numbers).output().unwrap();
+    assert!(output.status.success(), "{name}: {}", String::from_utf8_lossy(&output.stderr));
+    let output = String::from_utf8(output.stdout).unwrap();
+
+    let model = exported.calibrated.model();
+    let dynamics = model.at(exported.calibrated.z());
+    let mut stepper = Stepper::new(exported.integrator());
+    let mut x = exported.rest();
+    let mut next = x.clone();
+    let (mut worst, mut farthest) = (0.0f64, 0.0f64);
+    for (k, line) in output.lines().enumerate() {
+        let u: Vec<f64> = (0..exported.inputs())
+            .map(|i| {
+                let hz = 0.4 + 0.17 * i as f64;
+                amplitude * (std::f64::consts::TAU * hz * k as f64 * hold_s + i as f64).sin()
+            })
+            .collect();
+        for _ in 0..2 {
+            stepper.step(&dynamics, &x, Input { u: &u, by_delay: &[], time_s: 0.0 }, 0.5 * hold_s, &mut next);
+            std::mem::swap(&mut x, &mut next);
+        }
+        for (i, found) in line.split_whitespace().enumerate() {
+            farthest = farthest.max(x[model.layout().q(i)].abs());
+            worst = worst.max((found.parse::<f64>().unwrap() - x[model.layout().q(i)]).abs());
+        }
+    }
+    assert!(farthest > 0.05, "{name}: it stands, {farthest}");
+    println!("{name} {extensions:?}: {worst:.1e} apart over {SECONDS} s in MuJoCo");
+    worst
+}
+
+/// The robot with limits that nothing reaches.
+fn unlimited(name: &str) -> Robot {
+    let text = robot(name).toml().to_owned();
+    let lines =
+        text.lines().map(|line| if line.starts_with("limits_rad") { "limits_rad = [-50.0, 50.0]" } else { line });
+    Robot::parse(&lines.collect::<Vec<_>>().join("\n")).unwrap()
+}
+
+#[test]
+fn what_is_told_as_exact_moves_in_mujoco_as_in_the_model() {
+    if python().is_none() {
+        eprintln!(
+            "SKIPPED what_is_told_as_exact_moves_in_mujoco_as_in_the_model: python3 -m pip install mujoco, or PYTHON=… with it"
+        );
+        return;
+    }
+    let cases: [(&str, &[&str], f64); 8] = [
+        ("one_joint", &[], 0.3),
+        ("rigid", &[], 3.0),
+        ("rigid", &["base_bearing", "link_inertia"], 3.0),
+        ("one_joint", &["structure_mode", "link_inertia"], 0.3),
+        ("arm7", &[], 0.05),
+        ("doggy", &["coriolis"], 0.2),
+        ("doggy", &["coriolis", "motor_mismatch", "viscous_friction", "torque_offset", "cable_spring"], 0.2),
+        ("doggy", &["coriolis", "belt_hardening", "quadratic_drag"], 0.2),
+    ];
+    for (name, extensions, amplitude) in cases {
+        let worst = apart(&mut python().unwrap(), name, &unlimited(name), extensions, amplitude);
+        assert!(worst <= ATOL, "{name} {extensions:?}: {worst}");
+    }
+}
