@@ -101,6 +101,15 @@ impl<'c> Exported<'c> {
         self.calibrated.integrator()
     }
 
+    /// Standard deviation of each reading: as estimated, or as described.
+    pub fn sigmas(&self) -> Vec<f64> {
+        let noise = &self.calibration.noise;
+        let sigma = |channel: &Channel| {
+            noise.iter().find(|noise| noise.channel == channel.name).map_or(channel.sigma, |noise| noise.sigma)
+        };
+        self.readings.iter().map(sigma).collect()
+    }
+
     /// The state of a robot that rests at zero.
     pub fn rest(&self) -> Vec<f64> {
         vec![0.0; self.states.len()]
@@ -161,10 +170,7 @@ fn listed(names: &[&str]) -> String {
 }
 
 fn parameters(calibration: &Calibration, calibrated: &CalibratedModel) -> Vec<Parameter> {
-    let estimate = |name: &str| -> Option<&ParameterEstimate> {
-        calibration.parameter(name).or_else(|| calibration.parameter(&format!("{name}@1")))
-    };
-    let error = |name: &str| estimate(name).filter(|estimate| estimate.identifiable).and_then(|found| found.std_error);
+    let error = |name: &str| std_error(calibration, name);
     let coordinates = calibrated.model().coordinates();
     let physical = coordinates.to_physical(calibrated.z());
     let results = coordinates.names().zip(physical).enumerate();
@@ -181,15 +187,29 @@ fn parameters(calibration: &Calibration, calibrated: &CalibratedModel) -> Vec<Pa
     for spec in calibrated.robot().parameters().iter().filter(|spec| spec.value.free) {
         let (place, value) = match spec.symbol {
             Symbol::Bias { gyro, axis } => (Place::Bias { gyro, axis }, calibrated.biases()[gyro][axis]),
-            Symbol::Misalignment { gyro, axis } => {
-                (Place::Misalignment { gyro, axis }, estimate(&spec.name).map_or(0.0, |found| found.estimate))
-            }
+            Symbol::Misalignment { gyro, axis } => (
+                Place::Misalignment { gyro, axis },
+                calibration.parameter(&spec.name).map_or(0.0, |found| found.estimate),
+            ),
             _ => continue,
         };
         let (name, unit) = (spec.name.clone(), spec.unit.to_owned());
         parameters.push(Parameter { std_error: error(&spec.name), name, unit, value, place });
     }
     parameters
+}
+
+/// The error of a parameter, or of the mean of what each recording has of it.
+fn std_error(calibration: &Calibration, name: &str) -> Option<f64> {
+    let of = |estimate: &ParameterEstimate| estimate.std_error.filter(|_| estimate.identifiable);
+    if let Some(estimate) = calibration.parameter(name) {
+        return of(estimate);
+    }
+    let recordings = 1..=calibration.recordings.len();
+    let squares =
+        recordings.map(|i| calibration.parameter(&format!("{name}@{i}")).and_then(of).map(|error| error * error));
+    let squares = squares.collect::<Option<Vec<f64>>>().filter(|squares| !squares.is_empty())?;
+    Some(squares.iter().sum::<f64>().sqrt() / squares.len() as f64)
 }
 
 fn states(calibrated: &CalibratedModel) -> Vec<Quantity> {

@@ -289,7 +289,7 @@ fn actuators(text: &mut String, exported: &Exported<'_>) {
 fn sensors(text: &mut String, exported: &Exported<'_>) {
     let joints = &exported.calibrated.robot().joints;
     text.push_str("  <sensor>\n");
-    for (channel, sigma) in exported.readings.iter().zip(super::head::sigmas(exported)) {
+    for (channel, sigma) in exported.readings.iter().zip(exported.sigmas()) {
         let (of, motor) = match channel.kind {
             ChannelKind::MotorPosition { joint } => ((joint, "pos"), true),
             ChannelKind::MotorSpeed { joint } => ((joint, "vel"), true),

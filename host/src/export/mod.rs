@@ -10,30 +10,21 @@
 //! A [`Program`] is what the model's own equations write down when they run on expressions in place of numbers, so that there is no second copy of
 //! them. Every file begins with where it comes from and ends its head with its [`Loss`]es.
 
-mod c;
 mod exported;
-mod head;
 mod loss;
 mod machine;
 mod mjcf;
 mod program;
-#[cfg(test)]
-mod real;
 mod robot_file;
-mod rust;
-mod slopes;
 #[cfg(test)]
 mod tests;
-mod text;
 mod urdf;
 
-pub use c::{CFiles, c};
 pub use exported::{Exported, Parameter, Place, Quantity};
 pub use loss::{Kept, Loss};
 pub use mjcf::mjcf;
-pub use program::{Program, Sizes};
+pub use program::{CFiles, Program, Sizes, c, rust};
 pub use robot_file::robot_file;
-pub use rust::rust;
 pub use urdf::urdf;
 
 use crate::verify::VerifyError;

@@ -51,13 +51,13 @@ impl TracedInertia {
         let (m, l) = (self.m, &self.factor);
         for i in 0..m {
             for k in 0..i {
-                x[i] = x[i] - l[i * m + k] * x[k];
+                x[i] -= l[i * m + k] * x[k];
             }
             x[i] = x[i] * l[i * m + i];
         }
         for i in (0..m).rev() {
             for k in i + 1..m {
-                x[i] = x[i] - l[k * m + i] * x[k];
+                x[i] -= l[k * m + i] * x[k];
             }
             x[i] = x[i] * l[i * m + i];
         }

@@ -38,11 +38,12 @@ fn python() -> Option<Command> {
     works.then(command)
 }
 
-/// Plays a robot without Coulomb friction in both; the largest difference. All of the file must be exact.
-fn apart(python: &mut Command, name: &str, robot: &Robot, extensions: &[&str], amplitude: f64) -> f64 {
+/// Plays a robot in both; the largest difference. Without Coulomb friction nothing of the file may be approximate.
+fn apart(python: &mut Command, name: &str, extensions: &[&str], amplitude: f64, with_friction: bool) -> f64 {
+    let robot = &unlimited(name);
     let mut calibration = calibration(robot, extensions);
     for parameter in &mut calibration.parameters {
-        if parameter.name.starts_with("mu") {
+        if parameter.name.starts_with("mu") && !with_friction {
             parameter.estimate = 0.0;
         }
         if parameter.name == "coriolis.scale" {
@@ -52,7 +53,7 @@ fn apart(python: &mut Command, name: &str, robot: &Robot, extensions: &[&str], a
     let exported = Exported::of(&calibration).unwrap();
     let (text, losses) = mjcf(&exported).unwrap();
     for loss in &losses {
-        assert!(loss.kept != Kept::Approximate, "{name}: {loss}");
+        assert!(loss.kept != Kept::Approximate || with_friction, "{name}: {loss}");
     }
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("model.xml");
@@ -86,7 +87,8 @@ fn apart(python: &mut Command, name: &str, robot: &Robot, extensions: &[&str], a
         }
     }
     assert!(farthest > 0.05, "{name}: it stands, {farthest}");
-    println!("{name} {extensions:?}: {worst:.1e} apart over {SECONDS} s in MuJoCo");
+    let friction = if with_friction { " with Coulomb friction" } else { "" };
+    println!("{name} {extensions:?}{friction}: {worst:.1e} apart over {SECONDS} s in MuJoCo");
     worst
 }
 
@@ -117,7 +119,11 @@ fn what_is_told_as_exact_moves_in_mujoco_as_in_the_model() {
         ("doggy", &["coriolis", "belt_hardening", "quadratic_drag"], 0.2),
     ];
     for (name, extensions, amplitude) in cases {
-        let worst = apart(&mut python().unwrap(), name, &unlimited(name), extensions, amplitude);
+        let worst = apart(&mut python().unwrap(), name, extensions, amplitude, false);
         assert!(worst <= ATOL, "{name} {extensions:?}: {worst}");
+    }
+    // Measured: 2 mrad, of a swing of half a radian. What sticks in MuJoCo creeps in the model.
+    for (name, extensions, amplitude) in [("one_joint", &[][..], 0.3), ("doggy", &["coriolis"], 0.3)] {
+        apart(&mut python().unwrap(), name, extensions, amplitude, true);
     }
 }

@@ -2,9 +2,9 @@
 
 use std::fmt::Write;
 
-use super::loss::{self, Loss};
 use super::text::{Syntax, statements};
-use super::{ExportError, Exported, Program, Sizes, head};
+use super::{Program, Sizes, head};
+use crate::export::{ExportError, Exported, Loss, loss};
 use crate::model::expression::Function;
 use crate::model::{Expression, Integrator};
 
@@ -141,7 +141,7 @@ fn file(exported: &Exported<'_>, program: &Program, losses: &[Loss]) -> String {
         "[&str; READINGS]",
         quoted(exported.readings.iter().map(|c| &*c.name).collect()),
     );
-    table("Their standard deviations.", "SIGMAS", "[f64; READINGS]", numbers(head::sigmas(exported)));
+    table("Their standard deviations.", "SIGMAS", "[f64; READINGS]", numbers(exported.sigmas()));
     if let Some(covariance) = head::covariance(exported) {
         table(
             "Covariance of the parameters, by rows.",

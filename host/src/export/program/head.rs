@@ -1,7 +1,6 @@
 //! The head of a program: where it comes from, what it lost, what every number means.
 
-use super::Exported;
-use super::loss::Loss;
+use crate::export::{Exported, Loss, Parameter, Place};
 
 /// Lines of a comment.
 pub(super) fn of_program(exported: &Exported<'_>, losses: &[Loss]) -> Vec<String> {
@@ -54,20 +53,11 @@ pub(super) fn covariance(exported: &Exported<'_>) -> Option<Vec<f64>> {
     Some(places.iter().flat_map(|row| places.iter().map(move |column| entry(row, column))).collect())
 }
 
-/// Standard deviation of each reading: as estimated, or as described.
-pub(super) fn sigmas(exported: &Exported<'_>) -> Vec<f64> {
-    let noise = &exported.calibration.noise;
-    let sigma = |channel: &crate::robot::Channel| {
-        noise.iter().find(|noise| noise.channel == channel.name).map_or(channel.sigma, |noise| noise.sigma)
-    };
-    exported.readings.iter().map(sigma).collect()
-}
-
 /// States of gyros that lag: the first of three, and the parameter that is the time constant.
 pub(super) fn lags(exported: &Exported<'_>) -> Vec<(usize, usize)> {
     let (model, z) = (exported.calibrated.model(), exported.calibrated.z());
-    let is_of = |parameter: &super::Parameter, coordinate: usize| match parameter.place {
-        super::Place::Result(i) => {
+    let is_of = |parameter: &Parameter, coordinate: usize| match parameter.place {
+        Place::Result(i) => {
             let slopes = model.coordinates().physical_and_slopes(z, i).1;
             slopes.iter().any(|(own, _)| *own == coordinate)
         }

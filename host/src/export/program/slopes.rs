@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use super::program::operands;
+use super::operands;
 use crate::model::expression::{Function, Node};
 use crate::model::{Expression, Quantity};
 

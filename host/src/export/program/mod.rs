@@ -5,8 +5,18 @@
 //! Exported ──▶ Model::traced_rates ──▶ ẋ ──▶ readings at x + offset ẋ ──▶ slopes column by column ──▶ Program
 //! ```
 
-use super::exported::{Exported, Place};
-use super::{ExportError, slopes};
+mod c;
+mod head;
+#[cfg(test)]
+pub(super) mod real;
+mod rust;
+mod slopes;
+mod text;
+
+pub use c::{CFiles, c};
+pub use rust::rust;
+
+use super::{ExportError, Exported, Place};
 use crate::model::expression::{Node, traced};
 use crate::model::traced::TracedRates;
 use crate::model::{Expression, Quantity};

@@ -31,6 +31,11 @@ pub trait Real:
     /// A positive number as m 2ᵉ, 1 ≤ m < 2.
     fn split(self) -> (Self, i32);
 
+    /// Whether it is no number.
+    fn is_nan(self) -> bool {
+        self.partial_cmp(&self).is_none()
+    }
+
     /// |x|.
     fn abs(self) -> Self {
         if self < Self::of(0.0) { -self } else { self }
@@ -81,12 +86,15 @@ pub trait Real:
 
     /// Natural logarithm.
     fn ln(self) -> Self {
-        let zero = Self::of(0.0);
-        if self == zero {
-            return Self::of(f64::NEG_INFINITY);
-        }
-        if !(self > zero) || self == Self::of(f64::INFINITY) {
-            return if self > zero { self } else { Self::of(f64::NAN) };
+        let (zero, infinite) = (Self::of(0.0), Self::of(f64::INFINITY));
+        if self <= zero || self >= infinite || self.is_nan() {
+            return if self == zero {
+                -infinite
+            } else if self > zero {
+                self
+            } else {
+                Self::of(f64::NAN)
+            };
         }
         let (mut mantissa, mut power) = self.split();
         if mantissa > Self::of(core::f64::consts::SQRT_2) {
@@ -121,12 +129,9 @@ pub trait Real:
 
     /// √x.
     fn sqrt(self) -> Self {
-        let zero = Self::of(0.0);
-        if self == zero || self == Self::of(f64::INFINITY) {
-            return self;
-        }
-        if !(self > zero) {
-            return Self::of(f64::NAN);
+        let (zero, infinite) = (Self::of(0.0), Self::of(f64::INFINITY));
+        if self <= zero || self >= infinite || self.is_nan() {
+            return if self < zero { Self::of(f64::NAN) } else { self };
         }
         let (mantissa, power) = self.split();
         let odd = power & 1;

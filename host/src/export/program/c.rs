@@ -2,10 +2,10 @@
 
 use std::fmt::Write;
 
-use super::loss::{self, Loss};
 use super::rust::{jacobian, variable};
 use super::text::{Syntax, statements};
-use super::{ExportError, Exported, Program, Sizes, head};
+use super::{Program, Sizes, head};
+use crate::export::{ExportError, Exported, Loss, loss};
 use crate::model::expression::Function;
 use crate::model::{Expression, Integrator};
 
@@ -150,7 +150,7 @@ fn code(exported: &Exported<'_>, program: &Program, header_name: &str) -> String
     table("real ", "calibrated", &all, with(numbers(parameters.iter().map(|p| p.value).collect()), "R(0)"));
     let errors = parameters.iter().map(|p| p.std_error.unwrap_or(-1.0)).collect();
     table("real ", "std_errors", &all, with(numbers(errors), "R(0)"));
-    table("real ", "sigmas", &readings, numbers(head::sigmas(exported)));
+    table("real ", "sigmas", &readings, numbers(exported.sigmas()));
     if let Some(covariance) = head::covariance(exported) {
         table("real ", "covariance", &format!("{upper}_PARAMETERS * {upper}_PARAMETERS"), numbers(covariance));
     }

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use super::program::{Program, operands};
+use super::{Program, operands};
 use crate::model::Expression;
 use crate::model::expression::{Function, Node};
 
