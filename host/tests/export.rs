@@ -49,6 +49,9 @@ fn the_document_is_true_and_a_second_calibration_starts_where_the_first_ended() 
     let (first, second) = (json(&at("cal.json")), json(&at("second.json")));
     for ((name, first), (_, second)) in parameters(&first).zip(parameters(&second)) {
         let (ended, started) = (first["estimate"].as_f64().unwrap(), second["initial"].as_f64().unwrap());
+        if name.starts_with("bias") {
+            continue; // starts from the recording's own rest
+        }
         // Mountings are told from the new nominal ones.
         let expected = if name.starts_with("R_imu") { 0.0 } else { ended };
         assert!((started - expected).abs() <= 1e-12 * expected.abs(), "{name}: {ended}, {started}");

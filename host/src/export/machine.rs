@@ -49,7 +49,9 @@ impl Moments {
         let mass_kg = self.mass_kg.max(LEAST_MASS);
         let centre_m = if self.mass_kg > LEAST_MASS { self.first / self.mass_kg } else { Vector3::zeros() };
         let inertia = self.about_origin - steiner(mass_kg, centre_m);
-        Inertial { mass_kg, centre_m, inertia: inertia + Matrix3::identity() * LEAST_MASS }
+        let least = inertia.symmetric_eigenvalues().min();
+        let more = if least > 0.0 { 0.0 } else { LEAST_MASS };
+        Inertial { mass_kg, centre_m, inertia: inertia + Matrix3::identity() * more }
     }
 }
 

@@ -324,11 +324,10 @@ fn losses(exported: &Exported<'_>) -> Vec<Loss> {
         losses.push(Loss::exact("torques of the speeds", "Coriolis and centrifugal, as MuJoCo has them"));
     } else {
         let most = (1.0 - scale).abs() * speeds;
+        let share = if scale == 0.0 { "none of them".to_owned() } else { format!("{scale} of them") };
         losses.push(Loss::approximate(
             "torques of the speeds",
-            format!(
-                "MuJoCo has them whole, the model {scale} of them: up to {most:.3} N m apart at 1 rad/s on all joints"
-            ),
+            format!("MuJoCo has them whole, the model {share}: up to {most:.3} N m apart at 1 rad/s on all joints"),
         ));
     }
     let compensated = robot.joints.iter().any(|joint| joint.gravity == GravityLoad::Compensated);

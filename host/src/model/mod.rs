@@ -10,7 +10,8 @@
 //! the motor gets u + e. So its noise enters the equations where the input does, and is weighed in the input's unit.
 //! Effects extend it by their [`law`]s: passive joints, own states, other torques.
 //! Everything is on the link side of the gear, in SI. A [`Model`] knows a robot; [`Dynamics`] is a model at given
-//! parameters. Derivatives are exact: laws are written once over any scalar and run on dual numbers.
+//! parameters. Derivatives are exact: laws are written once over any scalar and run on dual numbers. Run on an
+//! [`Expression`] they write their formulas down, for programs in other languages (`traced`).
 
 mod drive;
 mod dynamics;

@@ -20,13 +20,13 @@ pub(super) fn of_program(exported: &Exported<'_>, losses: &[Loss]) -> Vec<String
     lines.extend(robot.joints.iter().enumerate().map(|(i, joint)| {
         format!("  u[{i}]  {} of joint {}", if unit.is_empty() { "duty, -1 to 1," } else { unit }, joint.name)
     }));
-    lines.push("Parameters p, value ± standard error:".to_owned());
+    lines.push("Parameters p, with their standard errors:".to_owned());
     lines.extend(exported.parameters.iter().enumerate().map(|(i, p)| {
         let error = match p.std_error {
             Some(error) => format!("± {error:.2e}"),
             None => "NOT IDENTIFIED by the recordings".to_owned(),
         };
-        format!("  p[{i}]  {} = {} {error} {}", p.name, p.value, p.unit).trim_end().to_owned()
+        format!("  p[{i}]  {} = {} {}, {error}", p.name, p.value, p.unit).replace(" ,", ",")
     }));
     lines.push("Readings y of the sensors:".to_owned());
     lines.extend(exported.readings.iter().enumerate().map(|(i, channel)| {
