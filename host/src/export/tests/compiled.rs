@@ -13,10 +13,15 @@ const RTOL: f64 = 1e-12;
 const RTOL_SLOPES: f64 = 1e-9;
 const RTOL_F32: f64 = 2e-4;
 
-/// What is compared at a point: ẋ, y, the next state, then both Jacobians.
+/// Over a run of this many steps, in shares of the largest component.
+const RTOL_RUN: f64 = 1e-9;
+const STEPS: usize = 400;
+
+/// What is compared at a point: ẋ, y, the next state, then both Jacobians; and where a run from rest ends whose inputs are those of one point after the other.
 struct Expected {
     points: Vec<Vec<f64>>,
     values: Vec<[Vec<f64>; 5]>,
+    end: Vec<f64>,
 }
 
 fn expected(exported: &Exported<'_>) -> Expected {
@@ -34,7 +39,15 @@ fn expected(exported: &Exported<'_>) -> Expected {
         [xdot, value(&program.readings), next, value(&program.rate_slopes), value(&program.reading_slopes)]
     };
     let values = points.iter().map(of).collect();
-    Expected { points, values }
+    let mut runner = Stepper::new(exported.integrator());
+    let (mut end, mut next) = (exported.rest(), exported.rest());
+    for k in 0..STEPS {
+        let u = &points[k / 20 % points.len()][program.sizes.states..][..program.sizes.inputs];
+        let input = Input { u, by_delay: &[], time_s: 0.0 };
+        runner.step(&dynamics, &end, input, exported.calibrated.robot().sample_period_s, &mut next);
+        std::mem::swap(&mut end, &mut next);
+    }
+    Expected { points, values, end }
 }
 
 fn compare(what: &str, expected: &Expected, output: &str, tolerances: [f64; 2]) -> [f64; 2] {
@@ -51,8 +64,11 @@ fn compare(what: &str, expected: &Expected, output: &str, tolerances: [f64; 2]) 
             }
         }
     }
-    assert_eq!(numbers.next(), None);
-    println!("{what}: values {:.1e}, derivatives {:.1e}", worst[0], worst[1]);
+    let end: Vec<f64> = numbers.collect();
+    let largest = expected.end.iter().fold(1e-6f64, |most, value| most.max(value.abs()));
+    let apart = end.iter().zip(&expected.end).map(|(found, value)| (found - value).abs() / largest).fold(0.0, f64::max);
+    assert!(end.len() == expected.end.len() && (apart <= RTOL_RUN || tolerances[0] > RTOL), "{what}: {apart:e}");
+    println!("{what}: values {:.1e}, derivatives {:.1e}, after {STEPS} steps {apart:.1e}", worst[0], worst[1]);
     worst
 }
 
@@ -109,6 +125,15 @@ int main(void) {{
         show(by_x[1], by_u[1], by_p[1], Y);
         printf(\"\\n\");
     }}
+    real x[N] = {{0}}, p[P + 1];
+    for (int i = 0; i < P; ++i) p[i] = points[N + M + i];
+    for (int k = 0; k < {STEPS}; ++k) {{
+        real u[M];
+        for (int i = 0; i < M; ++i) u[i] = points[k / 20 % {count} * {size} + N + i];
+        {name}_step(x, u, p, 0, {upper}_SAMPLE_PERIOD_S, next);
+        for (int i = 0; i < N; ++i) x[i] = next[i];
+    }}
+    for (int i = 0; i < N; ++i) printf(\"%.17g \", (double)x[i]);
     return 0;
 }}
 ",
@@ -161,6 +186,15 @@ fn play<T: Real + Into<f64>>() {{
         readings_jacobian(x, u, p, t, &mut y, &mut by_x, &mut by_u, &mut by_p);
         (0..READINGS).for_each(|i| [&by_x[i][..], &by_u[i], &by_p[i]].into_iter().for_each(show));
     }}
+    let points: Vec<Vec<T>> = POINTS.chunks({size}).map(|point| point.iter().map(|v| T::of(*v)).collect()).collect();
+    let p: &[T; PARAMETERS] = points[0][STATES + INPUTS..STATES + INPUTS + PARAMETERS].try_into().unwrap();
+    let (mut x, mut next) = ([zero; STATES], [zero; STATES]);
+    for k in 0..{STEPS} {{
+        let u: &[T; INPUTS] = points[k / 20 % {count}][STATES..STATES + INPUTS].try_into().unwrap();
+        step(&x, u, p, zero, T::of(SAMPLE_PERIOD_S), &mut next);
+        x = next;
+    }}
+    show(&x);
 }}
 fn main() {{
     if std::env::args().count() > 1 {{ play::<f32>() }} else {{ play::<f64>() }}

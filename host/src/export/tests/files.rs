@@ -91,3 +91,21 @@ fn a_urdf_is_the_chain() {
         }
     }
 }
+
+#[test]
+fn biases_of_several_recordings_are_told_by_their_mean() {
+    let mut calibration = calibration(&robot("one_joint"), &[]);
+    let place = calibration.parameters.iter().position(|parameter| parameter.name == "bias1[y]").unwrap();
+    calibration.recordings.push(calibration.recordings[0].clone());
+    let mut own = calibration.parameters.remove(place);
+    for (number, estimate, error) in [(1, 0.01, 3e-3), (2, 0.03, 4e-3)] {
+        own.name = format!("bias1[y]@{number}");
+        (own.estimate, own.std_error) = (estimate, Some(error));
+        calibration.parameters.push(own.clone());
+    }
+    let exported = Exported::of(&calibration).unwrap();
+    let bias = exported.parameters.iter().find(|parameter| parameter.name == "bias1[y]").unwrap();
+    assert!((bias.value - 0.02).abs() < 1e-15 && (bias.std_error.unwrap() - 2.5e-3).abs() < 1e-15, "{bias:?}");
+    let new = Robot::parse(&robot_file(&exported).unwrap().0).unwrap();
+    assert!((new.gyros().next().unwrap().bias_rad_s[1] - 0.02).abs() < 1e-15);
+}
