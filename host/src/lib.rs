@@ -8,6 +8,7 @@ pub mod command;
 pub mod report;
 
 pub mod diagnose;
+pub mod export;
 pub mod fleet;
 pub mod verify;
 

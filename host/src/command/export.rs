@@ -1,16 +1,22 @@
-//! `host export`: results and recordings for other tools.
+//! `host export`: recordings and calibrated models for other tools.
 
 use std::io::BufWriter;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
+use super::verify::read_calibration;
 use super::{Exit, Failure, NewFile, Ui, read_failure};
+use crate::calibrate::Status;
+use crate::export::{self, ExportError, Exported, Loss};
 use crate::recording::{self, csv};
 
-/// Write a recording for other tools
+/// Write a recording or a calibrated model for other tools
+///
+/// A recording becomes a table. A calibrated model becomes a robot description with the identified values, a program in C or Rust (rates, readings, exact
+/// Jacobians, a step), a model for MuJoCo, or a URDF; each file begins with what it keeps of the model and what it loses.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// The recording
-    #[arg(value_name = "RUN.mcap")]
+    /// The recording, or the calibration
+    #[arg(value_name = "RUN.mcap|CAL.json")]
     input: PathBuf,
     #[command(flatten)]
     format: Format,
@@ -23,26 +29,116 @@ pub struct Args {
 #[derive(Debug, clap::Args)]
 #[group(required = true, multiple = false)]
 struct Format {
-    /// A CSV table, numbers in as many digits as they have: `host import` gives the same numbers back
+    /// Of a recording: a CSV table, numbers in as many digits as they have; `host import` gives the same numbers back
     #[arg(long, value_name = "OUT.csv")]
     csv: Option<PathBuf>,
+    /// Of a calibration: a description with the identified values, for the next --robot
+    #[arg(long, value_name = "OUT.toml")]
+    robot: Option<PathBuf>,
+    /// Of a calibration: a Rust module without the standard library, generic over f32 and f64
+    #[arg(long, value_name = "OUT.rs")]
+    rust: Option<PathBuf>,
+    /// Of a calibration: C99, and its header OUT.h beside it; CasADi takes it as an external function
+    #[arg(long, value_name = "OUT.c")]
+    c: Option<PathBuf>,
+    /// Of a calibration: a model for MuJoCo
+    #[arg(long, value_name = "OUT.xml")]
+    mjcf: Option<PathBuf>,
+    /// Of a calibration: chain, bodies and limits, damping and friction
+    #[arg(long, value_name = "OUT.urdf")]
+    urdf: Option<PathBuf>,
 }
 
-/// Writes the one file that was asked for.
+/// A file's text, and what it keeps of the model.
+type Written = Result<(String, Vec<Loss>), ExportError>;
+
+/// Writes what was asked for.
 pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
-    let Some(path) = args.format.csv else {
-        return Err(Failure::fault("no format was given, and the command line was accepted"));
+    let (input, force) = (&args.input, args.force);
+    let one = |path: &Path, write: fn(&Exported<'_>) -> Written| {
+        let file = NewFile::claim(path, force)?;
+        write_model(input, ui, |exported| {
+            let (text, losses) = write(exported).map_err(export_failure)?;
+            file.finish_with(text.as_bytes())?;
+            Ok((path.display().to_string(), losses))
+        })
     };
-    let file = NewFile::claim(&path, args.force)?;
+    match args.format {
+        Format { csv: Some(path), .. } => table(input, &path, force, ui),
+        Format { robot: Some(path), .. } => one(&path, export::robot_file),
+        Format { rust: Some(path), .. } => one(&path, export::rust),
+        Format { mjcf: Some(path), .. } => one(&path, export::mjcf),
+        Format { urdf: Some(path), .. } => one(&path, export::urdf),
+        Format { c: Some(path), .. } => c(input, &path, force, ui),
+        _ => Err(Failure::fault("no format was given, and the command line was accepted")),
+    }
+}
+
+fn table(input: &Path, path: &Path, force: bool, ui: &Ui) -> Result<Exit, Failure> {
+    if input.extension().is_some_and(|extension| extension == "json") {
+        return Err(Failure::usage(format!("{} is a calibration: --csv writes a recording", input.display()))
+            .advice("give the recording, or one of --robot, --rust, --c, --mjcf, --urdf"));
+    }
+    let file = NewFile::claim(path, force)?;
     let reading = ui.busy("reading");
-    let recording = recording::read(&args.input).map_err(read_failure)?;
+    let recording = recording::read(input).map_err(read_failure)?;
     reading.stage("writing");
     let file = csv::write(BufWriter::new(file), &recording).map_err(Failure::device)?;
     file.into_inner().map_err(|error| Failure::device(error.into_error()))?.finish()?;
     drop(reading);
     for damage in &recording.damage {
-        ui.say(format_args!("{}: {damage}", args.input.display()));
+        ui.say(format_args!("{}: {damage}", input.display()));
     }
     ui.say(format_args!("{}: {}", path.display(), recording.summary()));
     Ok(Exit::Ok)
+}
+
+/// The code and its header, whichever of the two was named.
+fn c(input: &Path, path: &Path, force: bool, ui: &Ui) -> Result<Exit, Failure> {
+    let (code, header) = (path.with_extension("c"), path.with_extension("h"));
+    let name = header.file_name().map(|name| name.to_string_lossy().into_owned());
+    let name = name.ok_or_else(|| Failure::usage(format!("{} names no file", path.display())))?;
+    let (code_file, header_file) = (NewFile::claim(&code, force)?, NewFile::claim(&header, force)?);
+    write_model(input, ui, |exported| {
+        let (files, losses) = export::c(exported, &name).map_err(export_failure)?;
+        header_file.finish_with(files.header.as_bytes())?;
+        code_file.finish_with(files.code.as_bytes())?;
+        Ok((format!("{}, {}", code.display(), header.display()), losses))
+    })
+}
+
+/// Reads the calibration, writes it by `write`, which gives the names of the files, and says what was lost.
+fn write_model(
+    input: &Path,
+    ui: &Ui,
+    write: impl FnOnce(&Exported<'_>) -> Result<(String, Vec<Loss>), Failure>,
+) -> Result<Exit, Failure> {
+    let calibration = read_calibration(input)?;
+    let exported = Exported::of(&calibration).map_err(export_failure)?;
+    let writing = ui.busy("writing");
+    let (files, losses) = write(&exported)?;
+    drop(writing);
+    if let Some(warning) = exported.warning() {
+        ui.say(format_args!("WARNING: {warning}"));
+    }
+    for loss in losses {
+        ui.say(format_args!("{loss}"));
+    }
+    ui.say(format_args!("{files}: {} states, {} parameters", exported.states.len(), exported.parameters.len()));
+    Ok(match calibration.status {
+        Status::DoesNotFit => Exit::Data,
+        status if status.is_usable() => Exit::Ok,
+        _ => Exit::NoConvergence,
+    })
+}
+
+/// A model that cannot be written.
+fn export_failure(error: ExportError) -> Failure {
+    let failure = Failure::data(error.to_string());
+    match error {
+        ExportError::Calibration(_) | ExportError::Description { .. } => {
+            failure.advice("the calibration was written by another version or edited: calibrate again")
+        }
+        ExportError::Untraceable => failure,
+    }
 }

@@ -147,9 +147,9 @@ fn print_torques(ui: &Ui, verified: &TorqueVerification) {
 
 /// Reads a calibration result.
 pub(super) fn read_calibration(path: &Path) -> Result<Calibration, Failure> {
-    let text = std::fs::read_to_string(path)
+    let bytes = std::fs::read(path)
         .map_err(|error| Failure::device(format!("cannot read the calibration {}: {error}", path.display())))?;
-    serde_json::from_str(&text).map_err(|error| {
+    serde_json::from_slice(&bytes).map_err(|error| {
         Failure::data(format!("{} is not a calibration: {error}", path.display()))
             .advice("give the file that `host calibrate … -o CAL.json` wrote")
     })

@@ -162,7 +162,7 @@ impl SkipLaw {
     #[inline(always)]
     fn act<T: Quantity>(&self, _hook: Hook, at: &At<'_, T>, torque: T) -> T {
         let [step, time] = *at.parameters else { return torque };
-        torque - at.k_s * step * (T::from(at.time_s) - time).step(self.width_s)
+        torque - at.k_s * step * (at.time_s - time).step(self.width_s)
     }
 }
 

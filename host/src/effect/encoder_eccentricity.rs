@@ -6,10 +6,9 @@
 
 use rand::Rng;
 
-use super::surrogate::{Law, Laws, Of, Parameters, only};
+use super::surrogate::{Law, Laws, Of, Parameters, Quantity, only, reads_positions};
 use super::{Effect, EffectError, EffectParameter, Hidden, Past, Physics, Row, Scale, Size, draw};
-use crate::model::law::{Narrow, PositionAt};
-use crate::robot::chain::Arithmetic;
+use crate::model::law::PositionAt;
 use crate::robot::{Robot, Sensor, Side};
 
 pub(super) const EFFECT: Effect = Effect {
@@ -75,7 +74,11 @@ impl Law for EccentricityLaw {
         side == Side::Motor && self.joints.contains(&joint)
     }
 
-    fn position(&self, at: &PositionAt<'_, Narrow>, position: Narrow) -> Narrow {
+    reads_positions!();
+}
+
+impl EccentricityLaw {
+    fn read<T: Quantity>(&self, at: &PositionAt<'_, T>, position: T) -> T {
         let (sin, cos) = position.sin_cos();
         position + at.parameters[0] * sin + at.parameters[1] * cos
     }

@@ -6,9 +6,9 @@
 
 use rand::{Rng, RngExt};
 
-use super::surrogate::{Law, Laws, Of, Parameters, only};
+use super::surrogate::{Law, Laws, Of, Parameters, Quantity, only, reads_positions};
 use super::{Effect, EffectError, EffectParameter, Hidden, Past, Physics, Row, Scale, Size, draw};
-use crate::model::law::{Narrow, PositionAt};
+use crate::model::law::PositionAt;
 use crate::robot::{Robot, Sensor, Side};
 
 pub(super) const EFFECT: Effect = Effect {
@@ -82,13 +82,17 @@ impl Law for LateLaw {
         self.encoders.contains(&(side, joint))
     }
 
-    fn position(&self, at: &PositionAt<'_, Narrow>, position: Narrow) -> Narrow {
-        position + (Narrow::from(at.shifted_s) - at.parameters[0]) * at.speed
-    }
+    reads_positions!();
 
     fn shift(&self, side: Side, joint: usize, z: &[f64], period_s: f64) -> i32 {
         let which = self.encoders.iter().position(|encoder| *encoder == (side, joint));
         which.map_or(0, |which| (z[which] / period_s).round().clamp(-MOST_SAMPLES, MOST_SAMPLES) as i32)
+    }
+}
+
+impl LateLaw {
+    fn read<T: Quantity>(&self, at: &PositionAt<'_, T>, position: T) -> T {
+        position + (T::from(at.shifted_s) - at.parameters[0]) * at.speed
     }
 }
 

@@ -6,9 +6,9 @@
 
 use rand::{Rng, RngExt};
 
-use super::surrogate::{Law, Laws, Of, Parameters, Quantity, only};
+use super::surrogate::{Law, Laws, Of, Parameters, Quantity, only, reads_gyros};
 use super::{Effect, EffectError, EffectParameter, Hidden, Physics, Row, Scale, Size, draw};
-use crate::model::law::{Broad, GyroAt};
+use crate::model::law::GyroAt;
 use crate::robot::{Robot, Vector3};
 
 pub(super) const EFFECT: Effect = Effect {
@@ -82,9 +82,13 @@ impl Law for BiasLaw {
         true
     }
 
-    fn gyro(&self, at: &GyroAt<'_, Broad>, rate: [Broad; 3], bias: [Broad; 3]) -> [Broad; 3] {
+    reads_gyros!();
+}
+
+impl BiasLaw {
+    fn read<T: Quantity>(&self, at: &GyroAt<'_, T>, rate: [T; 3], bias: [T; 3]) -> [T; 3] {
         // The last one is ln T.
-        let grown = Broad::from(1.0) - (-((-at.parameters[3]).exp() * at.time_s)).exp();
+        let grown = T::from(1.0) - (-((-at.parameters[3]).exp() * at.time_s)).exp();
         std::array::from_fn(|axis| rate[axis] + bias[axis] + grown * at.parameters[axis])
     }
 }

@@ -6,9 +6,9 @@
 
 use rand::Rng;
 
-use super::surrogate::{Law, Laws, Of, Parameters, Quantity, each};
+use super::surrogate::{Law, Laws, Of, Parameters, Quantity, each, reads_gyros};
 use super::{Effect, EffectError, EffectParameter, Hidden, Physics, Row, Scale, Size, draw};
-use crate::model::law::{Broad, GyroAt};
+use crate::model::law::GyroAt;
 use crate::robot::{Robot, Vector3};
 
 pub(super) const EFFECT: Effect = Effect {
@@ -70,7 +70,11 @@ impl Law for ClippingLaw {
         true
     }
 
-    fn gyro(&self, at: &GyroAt<'_, Broad>, rate: [Broad; 3], bias: [Broad; 3]) -> [Broad; 3] {
+    reads_gyros!();
+}
+
+impl ClippingLaw {
+    fn read<T: Quantity>(&self, at: &GyroAt<'_, T>, rate: [T; 3], bias: [T; 3]) -> [T; 3] {
         let full_scale = at.parameters[0];
         std::array::from_fn(|axis| {
             let reading = rate[axis] + bias[axis];

@@ -6,9 +6,9 @@
 
 use rand::Rng;
 
-use super::surrogate::{Law, Laws, Of, Parameters, only};
+use super::surrogate::{Law, Laws, Of, Parameters, Quantity, only, reads_gyros};
 use super::{Effect, EffectError, EffectParameter, Hidden, Physics, Row, Scale, Size, draw};
-use crate::model::law::{Broad, GyroAt};
+use crate::model::law::GyroAt;
 use crate::robot::{Robot, Vector3};
 
 pub(super) const EFFECT: Effect = Effect {
@@ -70,8 +70,12 @@ impl Law for ScaleLaw {
         true
     }
 
-    fn gyro(&self, at: &GyroAt<'_, Broad>, rate: [Broad; 3], bias: [Broad; 3]) -> [Broad; 3] {
-        std::array::from_fn(|axis| (Broad::from(1.0) + at.parameters[axis]) * rate[axis] + bias[axis])
+    reads_gyros!();
+}
+
+impl ScaleLaw {
+    fn read<T: Quantity>(&self, at: &GyroAt<'_, T>, rate: [T; 3], bias: [T; 3]) -> [T; 3] {
+        std::array::from_fn(|axis| (T::from(1.0) + at.parameters[axis]) * rate[axis] + bias[axis])
     }
 }
 

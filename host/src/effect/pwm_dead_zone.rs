@@ -73,10 +73,9 @@ impl DeadZoneLaw {
     #[inline(always)]
     fn act<T: Quantity>(&self, _hook: Hook, at: &At<'_, T>, duty: T) -> T {
         let [dead_duty] = *at.parameters else { return duty };
-        if duty.re().abs() <= dead_duty.re().max(0.0) {
-            return T::from(0.0);
-        }
-        duty - dead_duty * duty.re().signum()
+        let beyond = duty.abs() - dead_duty.where_positive(dead_duty, T::from(0.0));
+        let short = duty.where_positive(dead_duty, -dead_duty);
+        beyond.where_positive(duty - short, T::from(0.0))
     }
 }
 

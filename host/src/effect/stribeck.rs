@@ -197,7 +197,7 @@ impl StribeckLaw {
         let share = v * self.speed.recip();
         let falling = (-(share * share)).exp();
         if hook == Hook::Friction {
-            let carried = if dmu.re() < 0.0 { falling * at.friction_sign } else { at.own };
+            let carried = (-dmu).where_positive(falling * at.friction_sign, at.own);
             return quantity + dmu * carried;
         }
         let settling = (falling * (self.fastest * self.bending) + v.abs()).recip() * self.fastest;

@@ -10,6 +10,7 @@ use rand::Rng;
 
 use super::surrogate::{Law, Laws, Of, Parameters, Quantity, only};
 use super::{Drive, Effect, EffectError, EffectParameter, Hidden, Physics, Row, Scale, Size, TrueValue};
+use crate::model::Expression;
 use crate::robot::chain::Lanes;
 use crate::robot::{InputUnit, Robot};
 
@@ -74,10 +75,18 @@ impl Law for SagLaw {
     }
 
     fn supply_v(&self, full_v: f64, a: Lanes<3>, e: Lanes<3>, p: Lanes<3>) -> Option<Lanes<3>> {
-        let full = Lanes::from(full_v);
-        let draws = a.re * full_v > e.re;
-        Some(if draws { (full + p * e) * (Lanes::from(1.0) + p * a).recip() } else { full })
+        Some(volts(full_v, a, e, p))
     }
+
+    fn supply_traced(&self, full_v: f64, a: Expression, e: Expression, p: Expression) -> Option<Expression> {
+        Some(volts(full_v, a, e, p))
+    }
+}
+
+fn volts<T: Quantity>(full_v: f64, a: T, e: T, p: T) -> T {
+    let full = T::from(full_v);
+    let drawn = a * full_v - e;
+    drawn.where_positive((full + p * e) * (T::from(1.0) + p * a).recip(), full)
 }
 
 fn laws(robot: &Robot) -> Laws {

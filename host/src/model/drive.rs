@@ -10,7 +10,6 @@
 use super::law::{Asked, At, Hook, Law};
 use super::parameters::{Coordinates, Source};
 use super::quantity::Quantity;
-use crate::robot::chain::Scalar;
 use crate::robot::{Friction, InputUnit, Robot, Side, Symbol, Transmission};
 
 /// The drive of one joint: its laws and where its parameters come from.
@@ -126,7 +125,7 @@ impl Drive {
     }
 
     /// The coefficients of this drive at the solver coordinates `z`.
-    pub(super) fn coefficients<T: Scalar>(&self, z: &[T], transmission: Transmission) -> Coefficients<T> {
+    pub(super) fn coefficients<T: Quantity>(&self, z: &[T], transmission: Transmission) -> Coefficients<T> {
         match transmission {
             Transmission::Elastic => {
                 let inverse = self.inertia.inverse(z);
@@ -250,7 +249,7 @@ impl Drive {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct JointLaws<'a, T> {
     pub joint: usize,
-    pub time_s: f64,
+    pub time_s: T,
     pub laws: &'a [JointLaw<'a>],
     /// Of all laws, one after the other.
     pub parameters: &'a [T],
@@ -306,8 +305,7 @@ impl<'a, T: Asked> JointLaws<'a, T> {
 /// 2 (1/(1+exp(−a)) − ½) = tanh(a/2), which never overflows: at 4 rad/s the printed exponential does, and its derivative is not a number.
 #[inline(always)]
 fn sigmoid<T: Quantity>(a: T) -> T {
-    let value = super::elementary::tanh(0.5 * a.re());
-    a.through(value, 0.5 * (1.0 - value * value))
+    (a * 0.5).tanh()
 }
 
 #[cfg(test)]

@@ -7,9 +7,6 @@
 //! One drive with its laws depends on a dozen [`local`](super::local) variables; their derivatives are scattered to state components and
 //! coordinates.
 
-use nalgebra::{Const, SVector};
-use num_dual::{Derivative, DualSVec64};
-
 use super::drive::{Action, Coefficients, JointLaw};
 use super::inertia::Inertia;
 use super::law::{FEW, MANY, SOME};
@@ -24,7 +21,7 @@ use crate::robot::{Friction, Side, Transmission};
 
 /// Derivatives of coefficients by coordinates are taken this many at a time.
 const LANES: usize = 8;
-type Duals = DualSVec64<LANES>;
+type Duals = Lanes<LANES>;
 
 /// Parts of a step at most, each as dear as a whole one; friction that is steeper still is smeared.
 const MOST_PARTS: usize = 16;
@@ -109,8 +106,7 @@ impl<'m> Dynamics<'m> {
             let duals: Vec<Duals> = z.iter().enumerate().map(|(i, &z)| seeded(z, i.wrapping_sub(first))).collect();
             for ((drive, &t), slopes) in drives().zip(&mut slopes) {
                 for (c, value) in drive.coefficients(&duals, t).to_array().into_iter().enumerate() {
-                    let gradient: [f64; LANES] = value.eps.unwrap_generic(Const::<LANES>, Const::<1>).into();
-                    for (lane, slope) in gradient.into_iter().enumerate() {
+                    for (lane, slope) in value.slope.into_iter().enumerate() {
                         if slope != 0.0 {
                             slopes.push((c, first + lane, slope));
                         }
@@ -474,9 +470,9 @@ fn rubbing(model: &Model, coefficients: &[Coefficients<f64>], links: &WeightedLi
 
 /// A dual number with a one in `lane` (none where the lane is out of range).
 fn seeded(value: f64, lane: usize) -> Duals {
-    let mut unit = SVector::<f64, LANES>::zeros();
+    let mut dual = Duals::from(value);
     if lane < LANES {
-        unit[lane] = 1.0;
+        dual.slope[lane] = 1.0;
     }
-    Duals::new(value, Derivative::some(unit))
+    dual
 }

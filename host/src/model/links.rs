@@ -6,6 +6,7 @@
 //! s: scale of the torques of the speeds, m: a mass       (1 − s)(1 · without + m · mass without) + s (1 · with + m · mass with)
 //! ```
 
+use super::expression::Expression;
 use crate::robot::chain::{Chain, MAX_JOINTS};
 
 /// A factor of a weight.
@@ -117,6 +118,35 @@ impl Links {
                 self.terms.push((chain.clone().with_coriolis(with), factors));
             }
         }
+    }
+
+    /// The weights of its chains, written down.
+    pub(super) fn traced_weights(&self, z: &[Expression]) -> Vec<Expression> {
+        let one = Expression::from(1.0);
+        let value = |factor: &Factor| match *factor {
+            Factor::Times(i) => z[i],
+            Factor::Without(i) => one - z[i],
+        };
+        self.terms.iter().map(|(_, factors)| factors.iter().fold(one, |weight, f| weight * value(f))).collect()
+    }
+
+    /// What `each` gives of its chains, `size` numbers, times these weights.
+    pub(super) fn traced_sum(
+        &self,
+        weights: &[Expression],
+        size: usize,
+        each: impl Fn(&Chain, &mut [Expression]),
+    ) -> Vec<Expression> {
+        let zero = Expression::from(0.0);
+        let mut sum = vec![zero; size];
+        for ((chain, _), weight) in self.terms.iter().zip(weights) {
+            let mut one = vec![zero; size];
+            each(chain, &mut one);
+            for (sum, one) in sum.iter_mut().zip(one) {
+                *sum += *weight * one;
+            }
+        }
+        sum
     }
 
     /// At solver coordinates z.

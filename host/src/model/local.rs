@@ -169,7 +169,8 @@ impl Dynamics<'_> {
         }
         let (sides, coefficients) = self.variables(x, u, i);
         let (parameters, states) = own.split_at(count);
-        let laws = JointLaws { joint: i, time_s: input.time_s, laws: &self.laws[i], parameters, states };
+        let time_s = Lanes::from(input.time_s);
+        let laws = JointLaws { joint: i, time_s, laws: &self.laws[i], parameters, states };
         let transmission = self.model.transmissions[i];
         self.model.drives[i].with_laws(transmission, &coefficients, &sides, variable(volts, VOLTS), &laws, rates)
     }

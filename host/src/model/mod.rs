@@ -10,11 +10,13 @@
 //! the motor gets u + e. So its noise enters the equations where the input does, and is weighed in the input's unit.
 //! Effects extend it by their [`law`]s: passive joints, own states, other torques.
 //! Everything is on the link side of the gear, in SI. A [`Model`] knows a robot; [`Dynamics`] is a model at given
-//! parameters. Derivatives are exact: laws are written once over any scalar and run on dual numbers.
+//! parameters. Derivatives are exact: laws are written once over any scalar and run on dual numbers. Run on an
+//! [`Expression`] they write their formulas down, for programs in other languages (`traced`).
 
 mod drive;
 mod dynamics;
 mod elementary;
+pub mod expression;
 pub mod fast;
 mod inertia;
 mod input;
@@ -32,12 +34,14 @@ mod sensor_laws;
 mod supply;
 #[cfg(test)]
 mod tests;
+pub(crate) mod traced;
 
 pub use dynamics::{Dynamics, Linear, LinksAt};
+pub use expression::Expression;
 pub use input::Input;
 pub use integrator::{Integrator, StepSlopes, Stepper};
 pub use parameters::{Coordinate, Coordinates};
-pub use quantity::{Quantity, variable};
+pub use quantity::{Number, Quantity, variable};
 pub use sensor::{GyroSlopes, SensorFrame};
 pub use sensor_laws::{GyroReading, PositionReading, SensorLaws};
 

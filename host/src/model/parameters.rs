@@ -7,7 +7,7 @@
 use std::sync::Arc;
 
 use super::law::{Law, Parameters};
-use crate::robot::chain::Scalar;
+use super::quantity::Quantity;
 use crate::robot::{ParameterSpec, Robot, Symbol, Transmission};
 
 /// How a solver coordinate z stands for a physical parameter.
@@ -138,7 +138,7 @@ impl Coordinates {
     }
 
     /// Solver coordinates of physical values, one a result.
-    pub fn from_physical(&self, physical: &[f64]) -> Vec<f64> {
+    pub fn from_physical<T: Quantity>(&self, physical: &[T]) -> Vec<T> {
         let mut z = self.base_from_physical(physical);
         for block in &self.laws {
             z.extend(block.parameters.recall(&physical[block.first_result..]));
@@ -146,11 +146,17 @@ impl Coordinates {
         z
     }
 
-    fn base_from_physical(&self, physical: &[f64]) -> Vec<f64> {
-        let convert = |(c, &value): (&Coordinate, &f64)| match c.form {
+    /// Whether a result is a parameter of its own: it neither follows from others nor is chosen.
+    pub(crate) fn is_own(&self, result: usize) -> bool {
+        let law = self.laws.iter().rfind(|block| block.first_result <= result);
+        law.is_none_or(|block| block.parameters.results[result - block.first_result].form.is_own())
+    }
+
+    fn base_from_physical<T: Quantity>(&self, physical: &[T]) -> Vec<T> {
+        let convert = |(c, &value): (&Coordinate, &T)| match c.form {
             Form::Direct => value,
-            Form::Inverse => 1.0 / value,
-            Form::OverInertia(b) => value / physical[b],
+            Form::Inverse => T::from(1.0).over(value),
+            Form::OverInertia(b) => value.over(physical[b]),
         };
         self.list.iter().zip(physical).map(convert).collect()
     }
@@ -198,25 +204,25 @@ pub(super) enum Source {
 
 impl Source {
     /// The parameter itself.
-    pub(super) fn value<T: Scalar>(self, z: &[T]) -> T {
+    pub(super) fn value<T: Quantity>(self, z: &[T]) -> T {
         match self {
             Source::Known(value) => T::from(value),
             Source::Free { coordinate, form: Form::Direct } => z[coordinate],
-            Source::Free { coordinate, form: Form::Inverse } => T::from(1.0) / z[coordinate],
-            Source::Free { coordinate, form: Form::OverInertia(b) } => z[coordinate] / z[b],
+            Source::Free { coordinate, form: Form::Inverse } => T::from(1.0).over(z[coordinate]),
+            Source::Free { coordinate, form: Form::OverInertia(b) } => z[coordinate].over(z[b]),
         }
     }
 
     /// 1/parameter, for inertias.
-    pub(super) fn inverse<T: Scalar>(self, z: &[T]) -> T {
+    pub(super) fn inverse<T: Quantity>(self, z: &[T]) -> T {
         match self {
             Source::Free { coordinate, form: Form::Inverse } => z[coordinate],
-            other => T::from(1.0) / other.value(z),
+            other => T::from(1.0).over(other.value(z)),
         }
     }
 
     /// parameter · `inverse_inertia`, without the division where the coordinate is that product already.
-    pub(super) fn over_inertia<T: Scalar>(self, z: &[T], inverse_inertia: T) -> T {
+    pub(super) fn over_inertia<T: Quantity>(self, z: &[T], inverse_inertia: T) -> T {
         match self {
             Source::Free { coordinate, form: Form::OverInertia(_) } => z[coordinate],
             other => other.value(z) * inverse_inertia,

@@ -4,45 +4,85 @@ use super::elementary;
 use crate::robot::chain::{Arithmetic, Lanes};
 
 /// So many widths from its corner a ramp is a line.
-const FAR_FROM_CORNER: f64 = 40.0;
+pub(super) const FAR_FROM_CORNER: f64 = 40.0;
 
-/// What the laws of joints and sensors need of their scalar.
-pub trait Quantity: Arithmetic {
+/// A scalar with a value: a number, or one with its derivatives.
+pub trait Number: Arithmetic {
     /// The value without derivatives.
     fn re(self) -> f64;
 
     /// f(self) of a function whose value and slope here are known.
     fn through(self, value: f64, slope: f64) -> Self;
 
+    /// self / divisor.
+    fn over(self, divisor: Self) -> Self;
+}
+
+/// What the laws of joints and sensors need of their scalar: every [`Number`] has it, and so has an [`Expression`](super::Expression), which has no value.
+pub trait Quantity: Arithmetic {
     /// 1/x.
+    fn recip(self) -> Self;
+
+    /// self / divisor.
+    fn over(self, divisor: Self) -> Self;
+
+    /// |x|.
+    fn abs(self) -> Self;
+
+    /// eˣ.
+    fn exp(self) -> Self;
+
+    /// ln x.
+    fn ln(self) -> Self;
+
+    /// tanh x.
+    fn tanh(self) -> Self;
+
+    /// max(x, 0) with a corner rounded over ± `width`: w ln(1 + e^(x/w)). Its slope is the logistic function. Nothing at all where it is below the
+    /// digits of a number of the corner's size: a slope of 1e-40 is still one to a search.
+    fn ramp(self, width: f64) -> Self;
+
+    /// The slope of [`ramp`](Self::ramp): 0 below, 1 above.
+    fn step(self, width: f64) -> Self;
+
+    /// `then` where this is above zero, else `otherwise`.
+    fn where_positive(self, then: Self, otherwise: Self) -> Self;
+}
+
+impl<N: Number> Quantity for N {
     #[inline(always)]
     fn recip(self) -> Self {
         let value = self.re().recip();
         self.through(value, -value * value)
     }
 
-    /// |x|.
+    #[inline(always)]
+    fn over(self, divisor: Self) -> Self {
+        Number::over(self, divisor)
+    }
+
     #[inline(always)]
     fn abs(self) -> Self {
         self.through(self.re().abs(), if self.re() < 0.0 { -1.0 } else { 1.0 })
     }
 
-    /// eˣ.
     #[inline(always)]
     fn exp(self) -> Self {
         let value = self.re().exp();
         self.through(value, value)
     }
 
-    /// tanh x.
+    #[inline(always)]
+    fn ln(self) -> Self {
+        self.through(self.re().ln(), self.re().recip())
+    }
+
     #[inline(always)]
     fn tanh(self) -> Self {
         let value = elementary::tanh(self.re());
         self.through(value, 1.0 - value * value)
     }
 
-    /// max(x, 0) with a corner rounded over ± `width`: w ln(1 + e^(x/w)). Its slope is the logistic function. Nothing at all where it is below the
-    /// digits of a number of the corner's size: a slope of 1e-40 is still one to a search.
     #[inline(always)]
     fn ramp(self, width: f64) -> Self {
         let a = self.re() / width;
@@ -51,15 +91,19 @@ pub trait Quantity: Arithmetic {
         self.through(width * (a.max(0.0) + elementary::ln_of_one_and(e)), slope)
     }
 
-    /// The slope of [`ramp`](Self::ramp): 0 below, 1 above.
     #[inline(always)]
     fn step(self, width: f64) -> Self {
         let value = 0.5 + 0.5 * elementary::tanh(0.5 * self.re() / width);
         self.through(value, value * (1.0 - value) / width)
     }
+
+    #[inline(always)]
+    fn where_positive(self, then: Self, otherwise: Self) -> Self {
+        if self.re() > 0.0 { then } else { otherwise }
+    }
 }
 
-impl Quantity for f64 {
+impl Number for f64 {
     #[inline(always)]
     fn re(self) -> f64 {
         self
@@ -69,9 +113,14 @@ impl Quantity for f64 {
     fn through(self, value: f64, _slope: f64) -> Self {
         value
     }
+
+    #[inline(always)]
+    fn over(self, divisor: Self) -> Self {
+        self / divisor
+    }
 }
 
-impl<const N: usize> Quantity for Lanes<N> {
+impl<const N: usize> Number for Lanes<N> {
     #[inline(always)]
     fn re(self) -> f64 {
         self.re
@@ -80,6 +129,12 @@ impl<const N: usize> Quantity for Lanes<N> {
     #[inline(always)]
     fn through(self, value: f64, slope: f64) -> Self {
         self.map(value, |own| own * slope)
+    }
+
+    #[inline(always)]
+    fn over(self, divisor: Self) -> Self {
+        let value = self.re / divisor.re;
+        self.zip(divisor, value, |own, by| (own - value * by) / divisor.re)
     }
 }
 
@@ -99,13 +154,15 @@ mod tests {
     fn slopes_are_those_of_differences() {
         type One = Lanes<1>;
         type Function = fn(One) -> One;
-        let functions: [(&str, Function); 6] = [
+        let functions: [(&str, Function); 8] = [
             ("recip", Quantity::recip),
             ("abs", Quantity::abs),
             ("exp", Quantity::exp),
             ("tanh", Quantity::tanh),
             ("ramp", |x| x.ramp(0.3)),
             ("step", |x| x.step(0.3)),
+            ("ln", |x| Quantity::ln(Quantity::abs(x))),
+            ("over", |x| Quantity::over(x + One::from(0.3), x)),
         ];
         for (name, f) in functions {
             for x in [-1.7, -0.2, 0.1, 0.9, 2.5] {

@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::law::{Broad, GyroAt, Narrow, Of, PositionAt};
 use super::parameters::Source;
-use super::{Model, variable};
+use super::{Expression, Model, variable};
 use crate::robot::Side;
 use crate::robot::chain::Lanes;
 
@@ -144,6 +144,44 @@ impl SensorLaws {
         reading
     }
 
+    /// What a position sensor reads of a joint's side, written down.
+    pub(crate) fn traced_position(
+        &self,
+        model: &Model,
+        z: &[Expression],
+        (side, joint): (Side, usize),
+        [position, speed]: [Expression; 2],
+    ) -> Expression {
+        let Some(of) = self.at(side, joint) else { return position };
+        let mut reading = position;
+        for (law, own) in &of.laws {
+            let parameters: Vec<_> = own.iter().map(|own| z[*own]).collect();
+            let at = PositionAt { joint, side, speed, shifted_s: 0.0, parameters: &parameters };
+            let read = model.laws()[*law].position_traced(&at, reading);
+            reading = read.unwrap_or_else(Expression::unknown);
+        }
+        reading * (Expression::from(1.0) + of.scale_error.value(z)) + of.zero.value(z)
+    }
+
+    /// What a gyro reads at this rate and bias, in sensor axes, written down.
+    pub(crate) fn traced_gyro(
+        &self,
+        model: &Model,
+        z: &[Expression],
+        (gyro, time_s): (usize, Expression),
+        rate: [Expression; 3],
+        bias: [Expression; 3],
+    ) -> [Expression; 3] {
+        let (mut seen, mut left) = (rate, bias);
+        for (law, own) in &self.gyros[gyro] {
+            let parameters: Vec<_> = own.iter().map(|own| z[*own]).collect();
+            let at = GyroAt { gyro, time_s, parameters: &parameters };
+            let read = model.laws()[*law].gyro_traced(&at, seen, left);
+            (seen, left) = (read.unwrap_or([Expression::unknown(); 3]), [Expression::from(0.0); 3]);
+        }
+        std::array::from_fn(|axis| seen[axis] + left[axis])
+    }
+
     /// What a gyro reads at this rate and bias, rad/s in sensor axes, `time_s` after the start of the motion.
     pub fn gyro(
         &self,
@@ -159,7 +197,7 @@ impl SensorLaws {
         let mut by_z: Vec<(usize, [f64; 3])> = Vec::new();
         for (law, own) in &self.gyros[gyro] {
             let parameters = variables(own, z, 6);
-            let at = GyroAt { gyro, time_s, parameters: &parameters };
+            let at = GyroAt { gyro, time_s: Broad::from(time_s), parameters: &parameters };
             let rate: [Broad; 3] = std::array::from_fn(|axis| variable(seen[axis], axis));
             let rest: [Broad; 3] = std::array::from_fn(|axis| variable(left[axis], 3 + axis));
             let read = model.laws()[*law].gyro(&at, rate, rest);

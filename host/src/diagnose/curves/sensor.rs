@@ -2,7 +2,7 @@
 
 use super::super::curves::shapeless::{Argument, Curve, ID};
 use super::spline::{self, Knots};
-use crate::model::Quantity;
+use crate::model::Number;
 use crate::model::law::{Broad, GyroAt, Law, Narrow, Of, Parameters, PositionAt};
 use crate::robot::Side;
 
@@ -78,7 +78,7 @@ impl Law for SensorCurve {
         let Sensors::Gyros(axes) = &self.of else { return reading };
         for (place, ((_, axis), knots)) in axes.iter().filter(|((gyro, _), _)| *gyro == at.gyro).enumerate() {
             let x = match self.argument {
-                Argument::Time => Broad::from(at.time_s),
+                Argument::Time => at.time_s,
                 _ => reading[*axis],
             };
             for (i, value, slope) in knots.basis(x.re()) {

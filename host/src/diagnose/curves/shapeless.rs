@@ -3,8 +3,8 @@
 use super::spline::{self, Knots};
 use super::waves::Waves;
 use crate::acts_on_joints;
-use crate::model::Quantity;
 use crate::model::law::{At, Hook, Law, Of, Parameters};
+use crate::model::{Number, Quantity};
 
 /// What a curve is a function of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -73,7 +73,7 @@ impl Argument {
             Argument::Windup => at.wind(),
             Argument::WindupRate => at.wind_rate(),
             Argument::DrivingTorque => at.driving,
-            Argument::Time => T::from(at.time_s),
+            Argument::Time => at.time_s,
             // Joints read no gyro.
             Argument::Rate => T::from(0.0),
         }
@@ -169,7 +169,7 @@ impl Shapeless {
     }
 
     #[inline(always)]
-    fn act<T: Quantity>(&self, _hook: Hook, at: &At<'_, T>, torque: T) -> T {
+    fn act<T: Number>(&self, _hook: Hook, at: &At<'_, T>, torque: T) -> T {
         let Some(curve) = &self.curves[at.joint] else { return torque };
         let x = curve.argument.of(at, curve.gear);
         let mut sum = torque;
@@ -194,5 +194,5 @@ impl Law for Shapeless {
         self.parameters.of(|of| of == Of::Joint(joint))
     }
 
-    acts_on_joints!();
+    acts_on_joints!(numbers);
 }

@@ -16,6 +16,7 @@ pub use parameters::{Form, LawCoordinate, LawResult, Of, Parameters, unit_at};
 
 use std::sync::Arc;
 
+use super::expression::Expression;
 use super::quantity::Quantity;
 use crate::robot::chain::Lanes;
 use crate::robot::{Body, Side, Vector3};
@@ -58,7 +59,7 @@ pub struct At<'a, T> {
     /// Which joint.
     pub joint: usize,
     /// Time since the start of the motion, s.
-    pub time_s: f64,
+    pub time_s: T,
     /// Position and speed of the link.
     pub q: T,
     /// See q.
@@ -137,7 +138,7 @@ pub struct GyroAt<'a, T> {
     /// Which gyro.
     pub gyro: usize,
     /// Time since the start of the motion, s.
-    pub time_s: f64,
+    pub time_s: T,
     /// The law's parameters at this gyro, in their order.
     pub parameters: &'a [T],
 }
@@ -235,11 +236,21 @@ pub trait Law: std::fmt::Debug + Send + Sync {
         quantity
     }
 
+    /// The same written down; none of a law that looks at values.
+    fn traced(&self, _hook: Hook, _at: &At<'_, Expression>, _quantity: Expression) -> Option<Expression> {
+        None
+    }
+
     // What couples joints.
 
     /// The supply voltage: `full_v` is what the description says, a = Σ k_pwm u² and e = Σ k_mi u θ̇ make the power drawn at a voltage U,
     /// U a − e; `p` is the law's first coordinate. Derivatives by (a, e, p).
     fn supply_v(&self, _full_v: f64, _a: Lanes<3>, _e: Lanes<3>, _p: Lanes<3>) -> Option<Lanes<3>> {
+        None
+    }
+
+    /// The same written down; none where [`Self::supply_v`] is none.
+    fn supply_traced(&self, _full_v: f64, _a: Expression, _e: Expression, _p: Expression) -> Option<Expression> {
         None
     }
 
@@ -290,6 +301,16 @@ pub trait Law: std::fmt::Debug + Send + Sync {
         std::array::from_fn(|axis| rate[axis] + bias[axis])
     }
 
+    /// The same written down; none of a law that looks at values.
+    fn gyro_traced(
+        &self,
+        _at: &GyroAt<'_, Expression>,
+        _rate: [Expression; 3],
+        _bias: [Expression; 3],
+    ) -> Option<[Expression; 3]> {
+        None
+    }
+
     /// Whether it changes the readings of a position sensor.
     fn sees_position(&self, _side: Side, _joint: usize) -> bool {
         false
@@ -300,16 +321,33 @@ pub trait Law: std::fmt::Debug + Send + Sync {
         position
     }
 
+    /// The same written down; none of a law that looks at values.
+    fn position_traced(&self, _at: &PositionAt<'_, Expression>, _position: Expression) -> Option<Expression> {
+        None
+    }
+
     /// By how many samples the readings of a position sensor are taken later, for these values of its coordinates.
     fn shift(&self, _side: Side, _joint: usize, _z: &[f64], _period_s: f64) -> i32 {
         0
     }
 }
 
-/// The methods of [`Law`] that ask its joints, from one generic `act`, which is `#[inline(always)]`.
+/// The methods of [`Law`] that ask its joints, from one generic `act`, which is `#[inline(always)]`. Of a law that looks at values, those for `numbers`.
 #[macro_export]
 macro_rules! acts_on_joints {
     () => {
+        fn traced(
+            &self,
+            hook: $crate::model::law::Hook,
+            at: &$crate::model::law::At<'_, $crate::model::Expression>,
+            quantity: $crate::model::Expression,
+        ) -> Option<$crate::model::Expression> {
+            Some(self.act(hook, at, quantity))
+        }
+
+        $crate::acts_on_joints!(numbers);
+    };
+    (numbers) => {
         fn plain(&self, hook: $crate::model::law::Hook, at: &$crate::model::law::At<'_, f64>, quantity: f64) -> f64 {
             self.act(hook, at, quantity)
         }
@@ -333,6 +371,52 @@ macro_rules! acts_on_joints {
     };
 }
 
+/// The methods of [`Law`] that ask its gyros, from one generic `read`.
+#[macro_export]
+macro_rules! reads_gyros {
+    () => {
+        fn gyro(
+            &self,
+            at: &$crate::model::law::GyroAt<'_, $crate::model::law::Broad>,
+            rate: [$crate::model::law::Broad; 3],
+            bias: [$crate::model::law::Broad; 3],
+        ) -> [$crate::model::law::Broad; 3] {
+            self.read(at, rate, bias)
+        }
+
+        fn gyro_traced(
+            &self,
+            at: &$crate::model::law::GyroAt<'_, $crate::model::Expression>,
+            rate: [$crate::model::Expression; 3],
+            bias: [$crate::model::Expression; 3],
+        ) -> Option<[$crate::model::Expression; 3]> {
+            Some(self.read(at, rate, bias))
+        }
+    };
+}
+
+/// The methods of [`Law`] that ask its position sensors, from one generic `read`.
+#[macro_export]
+macro_rules! reads_positions {
+    () => {
+        fn position(
+            &self,
+            at: &$crate::model::law::PositionAt<'_, $crate::model::law::Narrow>,
+            position: $crate::model::law::Narrow,
+        ) -> $crate::model::law::Narrow {
+            self.read(at, position)
+        }
+
+        fn position_traced(
+            &self,
+            at: &$crate::model::law::PositionAt<'_, $crate::model::Expression>,
+            position: $crate::model::Expression,
+        ) -> Option<$crate::model::Expression> {
+            Some(self.read(at, position))
+        }
+    };
+}
+
 /// A scalar that laws can be asked with.
 pub(super) trait Asked: Quantity {
     fn ask(law: &dyn Law, hook: Hook, at: &At<'_, Self>, quantity: Self) -> Self;
@@ -341,6 +425,12 @@ pub(super) trait Asked: Quantity {
 impl Asked for f64 {
     fn ask(law: &dyn Law, hook: Hook, at: &At<'_, Self>, quantity: Self) -> Self {
         law.plain(hook, at, quantity)
+    }
+}
+
+impl Asked for Expression {
+    fn ask(law: &dyn Law, hook: Hook, at: &At<'_, Self>, quantity: Self) -> Self {
+        law.traced(hook, at, quantity).unwrap_or_else(Expression::unknown)
     }
 }
 

@@ -3,6 +3,7 @@
 //! A wave A sin(x + φ) is fitted as a pair (A cos φ, A sin φ), a quantity that must stay positive as its logarithm, differences that add
 //! up to nothing as all but the last. Results carry the names of the catalogue.
 
+use crate::model::Quantity;
 use crate::robot::{JointKind, Robot};
 
 /// What a parameter belongs to.
@@ -64,6 +65,11 @@ pub enum Form {
 }
 
 impl Form {
+    /// Whether it is a number of its own, neither chosen nor what others leave.
+    pub(crate) fn is_own(&self) -> bool {
+        !matches!(self, Form::MinusSum(_) | Form::Chosen(_))
+    }
+
     /// The value, and its derivatives by the coordinates.
     pub fn value(&self, z: &[f64]) -> (f64, Vec<(usize, f64)>) {
         match *self {
@@ -232,8 +238,8 @@ impl Parameters {
     }
 
     /// Coordinates at which the results have these values (in their order).
-    pub fn recall(&self, values: &[f64]) -> Vec<f64> {
-        let mut z: Vec<f64> = self.coordinates.iter().map(|coordinate| coordinate.start).collect();
+    pub fn recall<T: Quantity>(&self, values: &[T]) -> Vec<T> {
+        let mut z: Vec<T> = self.coordinates.iter().map(|coordinate| T::from(coordinate.start)).collect();
         for (pair, result) in self.results.iter().enumerate() {
             let value = values[pair];
             match result.form {
@@ -241,8 +247,8 @@ impl Parameters {
                 Form::Exp(i) => z[i] = value.ln(),
                 // The phase follows its amplitude.
                 Form::Amplitude(c, s) | Form::SignedAmplitude(c, s) => {
-                    let phase = values[pair + 1];
-                    (z[c], z[s]) = (value * phase.cos(), value * phase.sin());
+                    let (sin, cos) = values[pair + 1].sin_cos();
+                    (z[c], z[s]) = (value * cos, value * sin);
                 }
                 Form::Phase(..) | Form::SignedPhase(..) | Form::MinusSum(_) | Form::Chosen(_) => {}
             }

@@ -34,7 +34,7 @@ impl<const N: usize> Lanes<N> {
     }
 
     #[inline(always)]
-    fn zip(self, other: Self, re: f64, slope: impl Fn(f64, f64) -> f64) -> Self {
+    pub(crate) fn zip(self, other: Self, re: f64, slope: impl Fn(f64, f64) -> f64) -> Self {
         // The standard library's maps of arrays are not inlined everywhere, and only what is gets vectors.
         let mut slopes = [0.0; N];
         for k in 0..N {

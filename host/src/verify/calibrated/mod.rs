@@ -153,6 +153,26 @@ impl CalibratedModel {
         &self.z
     }
 
+    /// What each gyro reads at rest, rad/s in sensor axes.
+    pub fn biases(&self) -> &[Vector3<f64>] {
+        &self.biases
+    }
+
+    /// R_imu of each gyro, body axes → sensor axes.
+    pub fn rotations(&self) -> &[Matrix3<f64>] {
+        &self.rotations
+    }
+
+    /// How it is integrated.
+    pub fn integrator(&self) -> Integrator {
+        self.integrator
+    }
+
+    /// What sensors read where it is not the state itself.
+    pub fn sensor_laws(&self) -> &SensorLaws {
+        &self.sensor_laws
+    }
+
     /// The robot.
     pub fn robot(&self) -> &Robot {
         &self.robot

@@ -1,0 +1,47 @@
+//! A calibrated model for other tools: one model, written down once, and every file made from it.
+//!
+//! ```text
+//! CAL.json ─▶ Exported ─┬─▶ robot file                         the same program's next --robot
+//!                       ├─▶ Program (traced) ─┬─▶ C
+//!                       │                     └─▶ Rust         ẋ, readings, Jacobians, a step
+//!                       ├─▶ MJCF
+//!                       └─▶ URDF
+//! ```
+//! A [`Program`] is what the model's own equations write down when they run on expressions in place of numbers, so that there is no second copy of
+//! them. Every file begins with where it comes from and ends its head with its [`Loss`]es.
+
+mod exported;
+mod loss;
+mod machine;
+mod mjcf;
+mod program;
+mod robot_file;
+#[cfg(test)]
+mod tests;
+mod urdf;
+
+pub use exported::{Exported, Parameter, Place, Quantity};
+pub use loss::{Kept, Loss};
+pub use mjcf::mjcf;
+pub use program::{CFiles, Program, Sizes, c, rust};
+pub use robot_file::robot_file;
+pub use urdf::urdf;
+
+use crate::verify::VerifyError;
+
+/// Why a model cannot be exported.
+#[derive(Debug, thiserror::Error)]
+pub enum ExportError {
+    /// The calibration.
+    #[error(transparent)]
+    Calibration(#[from] VerifyError),
+    /// A law that looks at values.
+    #[error("a law of this model cannot be written down as a formula: calibrate without --extend of it")]
+    Untraceable,
+    /// The robot description inside the calibration.
+    #[error("the robot description inside the calibration cannot take the calibrated values: {message}")]
+    Description {
+        /// What is wrong.
+        message: String,
+    },
+}

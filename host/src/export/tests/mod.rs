@@ -1,0 +1,6 @@
+mod compiled;
+mod files;
+mod fixtures;
+mod mujoco;
+mod real;
+mod traced;
