@@ -66,7 +66,7 @@ pub(super) fn of_programs(exported: &Exported<'_>) -> Vec<Loss> {
         Loss::exact("chain, drives, friction, sensors", "the model's own equations, in all parameters"),
         Loss::exact(
             "integration",
-            "a step is the estimator's, of the sample period; another period may want more parts",
+            "a step is the estimator's; into how many parts friction divides it follows from the calibrated parameters",
         ),
     ];
     for id in &exported.calibration.extensions {

@@ -24,7 +24,7 @@ const LANES: usize = 8;
 type Duals = Lanes<LANES>;
 
 /// Parts of a step at most, each as dear as a whole one; friction that is steeper still is smeared.
-const MOST_PARTS: usize = 16;
+pub(crate) const MOST_PARTS: usize = 16;
 
 /// A model at given parameters.
 #[derive(Debug, Clone)]
@@ -138,6 +138,11 @@ impl<'m> Dynamics<'m> {
     /// Number of state components.
     pub fn size(&self) -> usize {
         self.model.layout.size()
+    }
+
+    /// The joints that rub: component of their speed, κ/2 in s/rad, and the rate at which friction takes a speed near rest, 1/s.
+    pub(crate) fn rubbing(&self) -> impl Iterator<Item = (usize, f64, f64)> + '_ {
+        self.rubbing.iter().map(|joint| (joint.speed, joint.half_slope_s, joint.per_s))
     }
 
     /// Most parts of a step of this length: as many as one needs in which a joint that rubs comes to rest.

@@ -36,6 +36,7 @@ mod supply;
 mod tests;
 pub(crate) mod traced;
 
+pub(crate) use dynamics::MOST_PARTS;
 pub use dynamics::{Dynamics, Linear, LinksAt};
 pub use expression::Expression;
 pub use input::Input;

@@ -7,7 +7,7 @@ use super::text::{Syntax, statements};
 use super::{Program, Sizes, head};
 use crate::export::{ExportError, Exported, Loss, loss};
 use crate::model::expression::Function;
-use crate::model::{Expression, Integrator};
+use crate::model::{Expression, Integrator, MOST_PARTS};
 
 /// A header and its code.
 #[derive(Debug, Clone, PartialEq)]
@@ -84,7 +84,7 @@ fn header(exported: &Exported<'_>, program: &Program, losses: &[Loss]) -> String
         "#ifndef {upper}_MODEL_H\n#define {upper}_MODEL_H\n\n#ifdef __cplusplus\nextern \"C\" {{\n#endif\n\n\
          #ifndef MODEL_REAL\n#define MODEL_REAL double\n#endif\ntypedef MODEL_REAL {real};\n\n\
          enum {{ {upper}_STATES = {}, {upper}_INPUTS = {}, {upper}_PARAMETERS = {}, {upper}_READINGS = {},\n       \
-         /* equal parts of a step of the sample period */ {upper}_PARTS = {} }};\n\
+         /* most equal parts of a step of the sample period */ {upper}_PARTS = {} }};\n\
          /* the sample period, s */\n#define {upper}_SAMPLE_PERIOD_S {:?}\n\n",
         sizes.states,
         sizes.inputs,
@@ -235,14 +235,32 @@ fn step(exported: &Exported<'_>, name: &str) -> String {
             list = list.join(", "),
         )
     };
+    let rubbing = exported.rubbing();
+    let list: Vec<_> =
+        rubbing.iter().map(|(speed, slope, rate)| format!("{{{speed}, R({slope:?}), R({rate:?})}}")).collect();
     format!(
         "
+/* Parts of a step: none is longer than the time in which friction, as steep as at the least speed of the step, would stop a joint. */
+static int parts_of_step(const real *x, const real *xdot, real h) {{
+    static const struct {{ int speed; real half_slope, per_s; }} rubbing[{rub_size}] = {{{rub_list}}};
+    int parts = 1;
+    for (int i = 0; i < {rub_count}; ++i) {{
+        const real begin = x[rubbing[i].speed], end = begin + h * xdot[rubbing[i].speed];
+        const real least = begin * end > 0 ? (fabs(begin) < fabs(end) ? fabs(begin) : fabs(end)) : 0;
+        const real sign = tanh(rubbing[i].half_slope * least), rate = rubbing[i].per_s * (1 - sign * sign);
+        while (parts < {most} && parts < rate * h) parts *= 2;
+    }}
+    return parts;
+}}
+
 void {name}_step({arguments}, real h, real *next) {{
     static const real stages[{count}][2] = {stages};
-    const real part = h / {upper}_PARTS;
     real from[{upper}_STATES], rates_at[{count}][{upper}_STATES], states_at[{count}][{upper}_STATES];
+    {name}_rates(x, u, p, t, rates_at[0]);
+    const int parts = parts_of_step(x, rates_at[0], h);
+    const real part = h / parts;
     memcpy(from, x, sizeof from);
-    for (int k = 0; k < {upper}_PARTS; ++k) {{
+    for (int k = 0; k < parts; ++k) {{
         memcpy(next, from, sizeof from);
         for (int s = 0; s < {count}; ++s) {{
             for (int i = 0; i < {upper}_STATES; ++i)
@@ -255,6 +273,10 @@ void {name}_step({arguments}, real h, real *next) {{
 }}
 ",
         arguments = arguments("real"),
+        rub_size = rubbing.len().max(1),
+        rub_count = rubbing.len(),
+        rub_list = if list.is_empty() { "{0, 0, 0}".to_owned() } else { list.join(", ") },
+        most = MOST_PARTS,
     )
 }
 

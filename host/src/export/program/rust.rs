@@ -6,7 +6,7 @@ use super::text::{Syntax, statements};
 use super::{Program, Sizes, head};
 use crate::export::{ExportError, Exported, Loss, loss};
 use crate::model::expression::Function;
-use crate::model::{Expression, Integrator};
+use crate::model::{Expression, Integrator, MOST_PARTS};
 
 /// The file, and what it keeps.
 ///
@@ -98,7 +98,11 @@ fn file(exported: &Exported<'_>, program: &Program, losses: &[Loss]) -> String {
         ("INPUTS", sizes.inputs, "Inputs u."),
         ("PARAMETERS", sizes.parameters, "Parameters p."),
         ("READINGS", sizes.readings, "Readings y."),
-        ("PARTS", exported.parts(), "Equal parts of a step of the sample period: friction is too steep for fewer."),
+        (
+            "PARTS",
+            exported.parts(),
+            "Most equal parts of a step of the sample period: near rest friction is too steep for fewer.",
+        ),
     ];
     for (name, value, about) in constants {
         let _ = writeln!(text, "/// {about}\npub const {name}: usize = {value};");
@@ -223,6 +227,7 @@ fn step(exported: &Exported<'_>) -> String {
             "[(0.0, 1.0 / 6.0), (0.5, 1.0 / 3.0), (0.5, 1.0 / 3.0), (1.0, 1.0 / 6.0)]",
         ),
     };
+    let rubbing = exported.rubbing();
     let lags: Vec<String> = head::lags(exported).iter().map(|(state, p)| format!("({state}, {p})")).collect();
     let count = lags.len();
     let lags = lags.join(", ");
@@ -238,15 +243,37 @@ const STAGES: [(f64, f64); {stages_count}] = {stages};
 /// First states of gyros that lag, and the parameters that are their time constants.
 const LAGS: [(usize, usize); {count}] = [{lags}];
 
-/// The state `h` seconds after `x` by {about}, in [`PARTS`] equal parts; inputs and time are held.
+/// Joints whose friction parts steps near rest: their speed, half the slope of friction's sign, the rate at which it takes a speed, 1/s.
+const RUBBING: [(usize, f64, f64); {rubbing_count}] = [{rubbing}];
+
+/// Parts of a step: none is longer than the time in which friction, as steep as at the least speed of the step, would stop a joint.
+fn parts_of_step<T: Real>(x: &[T; STATES], xdot: &[T; STATES], h: T) -> usize {{
+    let mut parts = 1;
+    for (speed, half_slope, per_s) in RUBBING {{
+        let (begin, end) = (x[speed], x[speed] + h * xdot[speed]);
+        let nearer = if Real::abs(begin) < Real::abs(end) {{ Real::abs(begin) }} else {{ Real::abs(end) }};
+        let least = if begin * end > T::of(0.0) {{ nearer }} else {{ T::of(0.0) }};
+        let sign = Real::tanh(T::of(half_slope) * least);
+        let rate = T::of(per_s) * (T::of(1.0) - sign * sign);
+        while parts < {MOST_PARTS} && T::of(parts as f64) < rate * h {{
+            parts *= 2;
+        }}
+    }}
+    parts
+}}
+
+/// The state `h` seconds after `x` by {about}, in as many equal parts as friction needs; inputs and time are held.
 pub fn step<T: Real>(
 {ARGUMENTS}    h: T,
     next: &mut [T; STATES],
 ) {{
     let zero = T::of(0.0);
-    let part = h / T::of(PARTS as f64);
+    let mut begin = [zero; STATES];
+    rates(x, u, p, t, &mut begin);
+    let parts = parts_of_step(x, &begin, h);
+    let part = h / T::of(parts as f64);
     let mut from = *x;
-    for _ in 0..PARTS {{
+    for _ in 0..parts {{
         let mut rates_at = [[zero; STATES]; STAGES.len()];
         let mut states_at = [from; STAGES.len()];
         *next = from;
@@ -268,6 +295,8 @@ pub fn step<T: Real>(
 }}
 ",
         stages_count = stages.matches('(').count(),
+        rubbing_count = rubbing.len(),
+        rubbing = rubbing.iter().map(|r| format!("{r:?}")).collect::<Vec<_>>().join(", "),
     );
     if count > 0 {
         text += &format!(
