@@ -53,3 +53,14 @@ pub fn axes_of_step(law: &dyn Law, score: &LawScore) -> Vec<usize> {
     axes.dedup();
     axes
 }
+
+/// The joints (1-based) that a law has coordinates of.
+pub fn axes_of_joints(law: &dyn Law) -> Vec<usize> {
+    let joints = law.parameters().coordinates.iter().filter_map(|coordinate| match coordinate.of {
+        Of::Joint(joint) => Some(joint + 1),
+        _ => None,
+    });
+    let mut axes: Vec<usize> = joints.collect();
+    axes.dedup();
+    axes
+}

@@ -131,7 +131,7 @@ pub fn diagnose(
         let (bench, trial) = bench.thinned(trial, refit.samples(criteria::SCAN_SAMPLES) / BLOCKS);
         let contiguous = bench.is_contiguous();
         let more = samples as f64 / bench.series().stages().max(1) as f64;
-        (curves::curves(&bench, &trial, &contiguous).unwrap_or_default(), more)
+        (curves::Ceiling::of(&bench, &trial, &contiguous, &[]).map(|c| c.curves).unwrap_or_default(), more)
     };
     let (first_curves, _) = thinned(&selection.base.trial);
     step("predicting the other motion");

@@ -20,9 +20,10 @@ use shapeless::Shapeless;
 use spline::Knots;
 use waves::Waves;
 
-use super::block_scores::{LawScore, score_laws};
+use super::block_scores::{LawScore, collinearity, score_laws};
+use super::criteria::{COLLINEAR, LEVEL};
 use super::significance::p_of_family;
-use crate::calibrate::{Bench, CalibrateError, JointState, Trial};
+use crate::calibrate::{Bench, BlockScores, CalibrateError, JointState, Trial};
 use crate::effect::Row;
 use crate::model::law::{Hook, Law, Of};
 use crate::robot::{ChannelKind, Side};
@@ -124,11 +125,58 @@ struct Tried {
     curves: Vec<Option<Curve>>,
 }
 
-/// What curves show on top of `current`, best first. Of one rule for all: a curve that loses out of sample is not in the list.
-///
-/// # Errors
-/// A trial that cannot be factorised.
-pub fn curves(bench: &Bench<'_>, current: &Trial, contiguous: &[bool]) -> Result<Vec<Curves>, CalibrateError> {
+/// What curves show on top of a model, and which of them do what a law does.
+pub struct Ceiling {
+    /// Best first.
+    pub curves: Vec<Curves>,
+    scores: BlockScores,
+    laws: Vec<Option<LawScore>>,
+}
+
+impl Ceiling {
+    /// Of one rule for all: a curve that loses out of sample is not in the list. `laws` are what curves are compared with.
+    ///
+    /// # Errors
+    /// A trial that cannot be factorised.
+    pub fn of(
+        bench: &Bench<'_>,
+        current: &Trial,
+        contiguous: &[bool],
+        laws: &[Arc<dyn Law>],
+    ) -> Result<Self, CalibrateError> {
+        let tried = tried(bench, current);
+        let count = tried.len();
+        let all: Vec<Arc<dyn Law>> = tried.iter().map(|tried| &tried.law).chain(laws).cloned().collect();
+        let scores = bench.block_scores(current, &all)?;
+        let mut of_all = score_laws(&scores, contiguous, true).into_iter().map(|score| score.ok().flatten());
+        let mut curves: Vec<Curves> = tried
+            .into_iter()
+            .zip(of_all.by_ref().take(count).collect::<Vec<_>>())
+            .filter_map(|(tried, score)| Some(tried.shown(score?, count)))
+            .filter(|curves| curves.gain() > 0.0)
+            .collect();
+        curves.sort_by(|a, b| b.gain().total_cmp(&a.gain()));
+        for curve in curves.iter().take(6) {
+            tracing::debug!(place = ?curve.place, gain = curve.gain(), p = curve.p_family, "curve");
+        }
+        let laws = of_all.collect();
+        Ok(Ceiling { curves, scores, laws })
+    }
+
+    /// The largest gain of a curve that is there for sure and stands for the law: it is on the law's row, or does what the law does to the residuals.
+    pub fn over(&self, law: usize, row: Row) -> f64 {
+        let stands = |curves: &&Curves| {
+            let own = self.laws.get(law).and_then(Option::as_ref);
+            curves.place.row() == row
+                || own.is_some_and(|own| collinearity(&self.scores, own, &curves.score) > COLLINEAR)
+        };
+        let shown = self.curves.iter().filter(|curves| curves.p_family < LEVEL).filter(stands);
+        shown.map(Curves::gain).fold(0.0, f64::max)
+    }
+}
+
+/// The curves of all places.
+fn tried(bench: &Bench<'_>, current: &Trial) -> Vec<Tried> {
     let joints = bench.series().joints();
     let mut tried: Vec<Tried> = PLACES.into_iter().filter_map(|place| smooth(place, bench, current)).collect();
     let turns: Vec<[f64; 2]> = (0..joints).map(|joint| range(bench, current, joint, TURN.argument)).collect();
@@ -144,33 +192,25 @@ pub fn curves(bench: &Bench<'_>, current: &Trial, contiguous: &[bool]) -> Result
             tried.push(Tried { place: TURN, law, curves });
         }
     }
-    let laws: Vec<Arc<dyn Law>> = tried.iter().map(|tried| tried.law.clone()).collect();
-    let scores = score_laws(&bench.block_scores(current, &laws)?, contiguous, true);
-    let count = tried.len();
-    let mut found: Vec<Curves> = tried
-        .into_iter()
-        .zip(scores)
-        .filter_map(|(Tried { place, law, curves }, score)| {
-            let score = score.ok()??;
-            let coefficients = |joint: usize| -> Vec<f64> {
-                law.parameters().of(|of| of == Of::Joint(joint)).into_iter().map(|i| score.step[i]).collect()
-            };
-            let of_joints: Vec<(usize, Curve, Vec<f64>)> = curves
-                .into_iter()
-                .enumerate()
-                .filter_map(|(joint, curve)| Some((joint, curve?, coefficients(joint))))
-                .collect();
-            let p_family = p_of_family(score.p, count);
-            let size_of = sizes(&*law, &score);
-            Some(Curves { place, score, p_family, of_joints, size_of })
-        })
-        .filter(|curves| curves.gain() > 0.0)
-        .collect();
-    found.sort_by(|a, b| b.gain().total_cmp(&a.gain()));
-    for curve in found.iter().take(6) {
-        tracing::debug!(place = ?curve.place, gain = curve.gain(), p = curve.p_family, "curve");
+    tried
+}
+
+impl Tried {
+    /// With what the blocks say, of so many places.
+    fn shown(self, score: LawScore, count: usize) -> Curves {
+        let Tried { place, law, curves } = self;
+        let coefficients = |joint: usize| -> Vec<f64> {
+            law.parameters().of(|of| of == Of::Joint(joint)).into_iter().map(|i| score.step[i]).collect()
+        };
+        let of_joints: Vec<(usize, Curve, Vec<f64>)> = curves
+            .into_iter()
+            .enumerate()
+            .filter_map(|(joint, curve)| Some((joint, curve?, coefficients(joint))))
+            .collect();
+        let p_family = p_of_family(score.p, count);
+        let size_of = sizes(&*law, &score);
+        Curves { place, score, p_family, of_joints, size_of }
     }
-    Ok(found)
 }
 
 /// How much each joint has of a law's score: by the share of its coordinates in the step, in units of their own errors.
