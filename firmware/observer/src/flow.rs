@@ -1,0 +1,150 @@
+//! How a linear system δ′ = A δ + g goes on over a step: its transition matrix e^{A h}, and its response to a forcing.
+//!
+//! Both are Taylor series over 2ᵏ equal parts of the step, so many that no rate of A times a part is above one. What is left out is then below
+//! 1/120 of the fastest component's own change in a part, and its sign is right: nothing grows that should decay. A has few entries (a
+//! position's rate is its speed), and products skip the zeros.
+
+use crate::Real;
+
+/// Most halvings of a step: rates up to 64 over the step.
+const MOST_HALVINGS: u32 = 6;
+
+/// Terms of the series behind the first.
+const TERMS: u32 = 4;
+
+/// Halvings of a step of `h` seconds until |Aᵢᵢ| h and √|Σ Aᵢⱼ Aⱼᵢ| h, the rates of decays and of oscillations, are at most one.
+pub(crate) fn halvings<T: Real, const N: usize>(a: &[[T; N]; N], size: usize, h: T) -> u32 {
+    let mut fastest = T::of(0.0);
+    for i in 0..size {
+        let mut square = T::of(0.0);
+        for j in 0..size {
+            square += (a[i][j] * a[j][i]).abs();
+        }
+        // It holds |Aᵢᵢ|² as the term j = i.
+        if square > fastest {
+            fastest = square;
+        }
+    }
+    let mut ratio = fastest * h * h;
+    let mut count = 0;
+    while count < MOST_HALVINGS && ratio > T::of(1.0) {
+        ratio = ratio * T::of(0.25);
+        count += 1;
+    }
+    count
+}
+
+/// e^{A h}; `room` is used meanwhile.
+///
+/// I + A h (I + A h/2 (I + A h/3 (I + A h/4))) of a part, squared as often as the step was halved.
+pub(crate) fn transition<T: Real, const N: usize>(
+    a: &[[T; N]; N],
+    size: usize,
+    h: T,
+    halvings: u32,
+    phi: &mut [[T; N]; N],
+    room: &mut [[T; N]; N],
+) {
+    let (zero, one) = (T::of(0.0), T::of(1.0));
+    let part = h * T::power_of_two(-(halvings as i32));
+    let (mut known, mut next) = (phi, room);
+    for i in 0..size {
+        known[i][..size].fill(zero);
+        known[i][i] = one;
+    }
+    for term in (1..=TERMS).rev() {
+        let scale = part / T::of(f64::from(term));
+        for i in 0..size {
+            let row = &mut next[i][..size];
+            row.fill(zero);
+            row[i] = one;
+            for k in 0..size {
+                let factor = a[i][k] * scale;
+                if factor != zero {
+                    add(row, factor, &known[k]);
+                }
+            }
+        }
+        core::mem::swap(&mut known, &mut next);
+    }
+    for _ in 0..halvings {
+        for i in 0..size {
+            let row = &mut next[i][..size];
+            row.fill(zero);
+            for k in 0..size {
+                add(row, known[i][k], &known[k]);
+            }
+        }
+        core::mem::swap(&mut known, &mut next);
+    }
+    // Terms are even, so that an odd count of squares ends in the other matrix.
+    if halvings % 2 == 1 {
+        for i in 0..size {
+            next[i][..size].copy_from_slice(&known[i][..size]);
+        }
+    }
+}
+
+/// How a forcing goes on within a step.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Shape {
+    /// It stays.
+    Constant,
+    /// It grows as the square of the time, to its value at the end of the step.
+    Square,
+}
+
+/// δ after `h` seconds of δ′ = A δ + g from δ = 0.
+///
+/// Each part adds p φ₁(A p) (g + A δ), φ₁(z) = 1 + z/2! + z²/3! + …; a growing forcing acts in each part by its mean.
+pub(crate) fn response<T: Real, const N: usize>(
+    a: &[[T; N]; N],
+    size: usize,
+    h: T,
+    halvings: u32,
+    (forcing, shape): (&[T; N], Shape),
+) -> [T; N] {
+    let parts = 1u32 << halvings;
+    let part = h * T::power_of_two(-(halvings as i32));
+    let mut state = [T::of(0.0); N];
+    let mut slope = state;
+    let mut product = state;
+    let (one, three) = (T::of(1.0), T::of(3.0));
+    let (mut begin, all) = (T::of(0.0), T::power_of_two(halvings as i32));
+    for _ in 0..parts {
+        let share = match shape {
+            Shape::Constant => one,
+            // The mean of (t/h)² over this part.
+            Shape::Square => (three * begin * (begin + one) + one) / (three * all * all),
+        };
+        begin += one;
+        multiply(a, size, &state, &mut slope);
+        for (slope, forcing) in slope[..size].iter_mut().zip(forcing) {
+            *slope += share * *forcing;
+        }
+        let mut sum = slope;
+        for term in (2..=TERMS + 1).rev() {
+            multiply(a, size, &sum, &mut product);
+            let scale = part / T::of(f64::from(term));
+            for i in 0..size {
+                sum[i] = slope[i] + scale * product[i];
+            }
+        }
+        add(&mut state[..size], part, &sum);
+    }
+    state
+}
+
+/// A v.
+pub(crate) fn multiply<T: Real, const N: usize>(a: &[[T; N]; N], size: usize, v: &[T; N], product: &mut [T; N]) {
+    for i in 0..size {
+        product[i] = crate::factor::dot(&a[i][..size], v);
+    }
+}
+
+/// to ← to + factor from.
+fn add<T: Real>(to: &mut [T], factor: T, from: &[T]) {
+    for (to, from) in to.iter_mut().zip(from) {
+        *to += factor * *from;
+    }
+}
