@@ -53,6 +53,14 @@ pub struct Settings<'t, T> {
     pub sensors: Sensors,
 }
 
+impl<T: Real> Settings<'_, T> {
+    /// Whether these readings hold all that a start needs.
+    pub fn can_start(&self, readings: &[T]) -> bool {
+        let is_there = |place: u16| readings.get(usize::from(place)).is_some_and(|reading| !reading.is_nan());
+        self.start.iter().all(|start| start.reading.is_none_or(is_there))
+    }
+}
+
 /// Why there is no filter.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum ObserverError {

@@ -10,7 +10,7 @@
 use crate::{Input, Model, Real};
 
 /// What an instruction does with values a, b, c.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum Operation {
     /// a + b

@@ -1,0 +1,1 @@
+//! The observer on simulated robots.
