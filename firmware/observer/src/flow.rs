@@ -94,9 +94,13 @@ pub(crate) enum Shape {
     Square,
 }
 
+/// 1/n!.
+const SHARES: [f64; 8] = [1.0, 1.0, 1.0 / 2.0, 1.0 / 6.0, 1.0 / 24.0, 1.0 / 120.0, 1.0 / 720.0, 1.0 / 5040.0];
+
 /// δ after `h` seconds of δ′ = A δ + g from δ = 0.
 ///
-/// Each part adds p φ₁(A p) (g + A δ), φ₁(z) = 1 + z/2! + z²/3! + …; a growing forcing acts in each part by its mean.
+/// A part of p seconds that begins at δ adds p Σ (A p)ᵏ (A δ/(k+1)! + cₖ g). A constant forcing has cₖ = 1/(k+1)!. A growing one has in part b of B the
+/// shape (b + s)²/B², 0 ≤ s ≤ 1, and cₖ = (b²/(k+1)! + 2 b/(k+2)! + 2/(k+3)!)/B².
 pub(crate) fn response<T: Real, const N: usize>(
     a: &[[T; N]; N],
     size: usize,
@@ -104,33 +108,28 @@ pub(crate) fn response<T: Real, const N: usize>(
     halvings: u32,
     (forcing, shape): (&[T; N], Shape),
 ) -> [T; N] {
+    let (one, two) = (T::of(1.0), T::of(2.0));
     let parts = 1u32 << halvings;
     let part = h * T::power_of_two(-(halvings as i32));
-    let mut state = [T::of(0.0); N];
-    let mut slope = state;
-    let mut product = state;
-    let (one, three) = (T::of(1.0), T::of(3.0));
-    let (mut begin, all) = (T::of(0.0), T::power_of_two(halvings as i32));
+    let less = T::power_of_two(-2 * (halvings as i32));
+    let (mut state, mut slope, mut product) = ([T::of(0.0); N], [T::of(0.0); N], [T::of(0.0); N]);
+    let mut begin = T::of(0.0);
     for _ in 0..parts {
-        let share = match shape {
-            Shape::Constant => one,
-            // The mean of (t/h)² over this part.
-            Shape::Square => (three * begin * (begin + one) + one) / (three * all * all),
-        };
-        begin += one;
         multiply(a, size, &state, &mut slope);
-        for (slope, forcing) in slope[..size].iter_mut().zip(forcing) {
-            *slope += share * *forcing;
-        }
-        let mut sum = slope;
-        for term in (2..=TERMS + 1).rev() {
+        let mut sum = [T::of(0.0); N];
+        for k in (0..=TERMS as usize).rev() {
+            let [first, second, third] = [SHARES[k + 1], SHARES[k + 2], SHARES[k + 3]].map(T::of);
+            let share = match shape {
+                Shape::Constant => first,
+                Shape::Square => (begin * begin * first + two * (begin * second + third)) * less,
+            };
             multiply(a, size, &sum, &mut product);
-            let scale = part / T::of(f64::from(term));
             for i in 0..size {
-                sum[i] = slope[i] + scale * product[i];
+                sum[i] = first * slope[i] + share * forcing[i] + part * product[i];
             }
         }
         add(&mut state[..size], part, &sum);
+        begin += one;
     }
     state
 }

@@ -8,7 +8,8 @@
 //! ```
 //! Of a true model the mean time to a false event is at least e^threshold ticks (G. Lorden, *Procedures for reacting to a change in
 //! distribution*, Annals of Mathematical Statistics 42, 1971). Of innovations r times as large as they should be, r > c ln c / (c − 1), the sum grows by
-//! m/2 ((1 − 1/c) r − ln c) a tick. No tick adds more than a share of the threshold, so that no single reading raises an event.
+//! m/2 ((1 − 1/c) r − ln c) a tick: nine readings that are twice as large raise an event within some 40 ticks. No tick adds more than a tenth
+//! of the threshold, so that no single reading raises one.
 
 use crate::Real;
 
@@ -19,8 +20,8 @@ const RATIO: f64 = 2.0;
 /// have not been tried.
 const THRESHOLD: f64 = 50.0;
 
-/// Least ticks from the first wrong reading to an event.
-const LEAST_TICKS: f64 = 50.0;
+/// Least ticks from the first wrong reading to an event. More of them would cut off what tells small ratios.
+const LEAST_TICKS: f64 = 10.0;
 
 /// The cumulative sum, and whether it has passed its threshold.
 #[derive(Debug, Clone, Copy, PartialEq)]

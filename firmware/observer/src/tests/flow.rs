@@ -20,19 +20,10 @@ fn oscillator(omega: f64, damping: f64, h: f64) -> ([[f64; N]; N], [[f64; N]; N]
 fn transitions_of_an_oscillator() {
     let h = 1e-3;
     // Slow, as a belt; as fast as the tick; three times as fast.
-    for (omega, tolerance) in [(30.0, 1e-8), (900.0, 1e-2), (3000.0, 1e-2)] {
+    for (omega, tolerance) in [(30.0, 1e-8), (900.0, 1e-2), (3000.0, 2e-2)] {
         let (a, expected) = oscillator(omega, 0.2, h);
         let count = halvings(&a, N, h);
-        assert_eq!(
-            count,
-            if omega < 500.0 {
-                0
-            } else if omega < 1000.0 {
-                1
-            } else {
-                2
-            }
-        );
+        assert_eq!(count, if omega < 1000.0 { 0 } else { 2 });
         let (mut phi, mut room) = ([[f64::NAN; N]; N], [[f64::NAN; N]; N]);
         transition(&a, N, h, count, &mut phi, &mut room);
         for i in 0..N {
@@ -56,14 +47,13 @@ fn responses_of_a_decay() {
         let of = |shape| response(&a, 1, h, count, (&[3.0, 0.0], shape))[0];
         let constant = 3.0 * (1.0 - (-ratio).exp()) / lambda;
         assert!(
-            (of(Shape::Constant) - constant).abs() < 2e-3 * constant,
+            (of(Shape::Constant) - constant).abs() < 4e-3 * constant,
             "{ratio}: {} {constant}",
             of(Shape::Constant)
         );
         let z = ratio;
         let exact = 3.0 * h * (1.0 / z - 2.0 / (z * z) + 2.0 / (z * z * z) * (1.0 - (-z).exp()));
-        // What only tells an error is known to a fifth, and exactly where nothing decays.
-        assert!((of(Shape::Square) - exact).abs() < 0.2 * exact, "{ratio}: {} {exact}", of(Shape::Square));
+        assert!((of(Shape::Square) - exact).abs() < 4e-3 * exact, "{ratio}: {} {exact}", of(Shape::Square));
     }
     let still = [[0.0; N]; N];
     assert_eq!(halvings(&still, N, h), 0);
