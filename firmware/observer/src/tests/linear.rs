@@ -214,3 +214,21 @@ fn readings_that_stand_alone_are_left_out_and_lasting_ones_are_not() {
     let lasting: Vec<_> = (0..5).map(|_| tick(0.05)).collect();
     assert_eq!(lasting, [(0, 1, true), (0, 1, true), (0, 1, true), (1, 0, true), (1, 0, true)]);
 }
+
+#[test]
+fn more_room_gives_the_same_bytes() {
+    let numbers = Numbers::<f32>::new();
+    let mut small = Observer::<f32, N, R>::new(&Oscillator, numbers.settings(Sensors::Both), &[0.0; R]).unwrap();
+    let mut large = Observer::<f32, 24, 16>::new(&Oscillator, numbers.settings(Sensors::Both), &[0.0; R]).unwrap();
+    let mut normal = Normal::of(8);
+    for _ in 0..5000 {
+        let y = [0.01 * normal.next(), normal.next()].map(|y| y as f32);
+        let input = Input { u: &[normal.next() as f32], time_s: 0.0 };
+        let nis = [small.update(&mut Oscillator, &y, input).nis, large.update(&mut Oscillator, &y, input).nis];
+        assert_eq!(nis[0].to_bits(), nis[1].to_bits());
+        small.predict(&mut Oscillator, input, PERIOD_S as f32);
+        large.predict(&mut Oscillator, input, PERIOD_S as f32);
+    }
+    let bits = |x: &[f32]| x.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
+    assert_eq!(bits(small.state()), bits(large.state()));
+}
