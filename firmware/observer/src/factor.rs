@@ -1,7 +1,7 @@
 //! The covariance P as U D Uᵀ: U has ones on its diagonal and zeros below, D is diagonal and never negative.
 //!
 //! A reading is taken in by Bierman's recursion, a step by Thornton's weighted Gram–Schmidt orthogonalisation (G. J. Bierman, *Factorization
-//! Methods for Discrete Sequential Estimation*, 1977, chapters V and VI). Neither takes a difference of variances, so that readings 10⁵ times
+//! Methods for Discrete Sequential Estimation*, 1977, chapters V and VI), the wandering of a constant by the update of Agee and Turner. None takes a difference of variances, so that readings 10⁵ times
 //! sharper than what was known before do not make P indefinite in seven digits. No root is taken. States keep their own units: D scales with them.
 
 use crate::Real;
@@ -57,11 +57,20 @@ impl<T: Real, const N: usize> Factor<T, N> {
     /// h P hᵀ of a reading's gradient h, which [`Self::take_in`] then remembers.
     pub(crate) fn variance_of(&mut self, h: &[T]) -> T {
         let mut variance = T::of(0.0);
-        for j in 0..self.count {
-            let f = h[j] + dot(&self.columns[j][..j], h);
-            self.projected[j] = f;
-            variance += f * f * self.d[j];
+        let mut projected = [T::of(0.0); N];
+        for (i, h) in h.iter().enumerate().take(self.count) {
+            // Most readings see one component or few.
+            if *h != T::of(0.0) {
+                projected[i] += *h;
+                for j in i + 1..self.count {
+                    projected[j] += self.columns[j][i] * *h;
+                }
+            }
         }
+        for (f, d) in projected.iter().zip(&self.d) {
+            variance += *f * *f * *d;
+        }
+        self.projected = projected;
         variance
     }
 
@@ -77,11 +86,13 @@ impl<T: Real, const N: usize> Factor<T, N> {
             let f = self.projected[j];
             let g = self.d[j] * f;
             let alpha = before + f * g;
-            let share = -(f / before);
-            for (u, k) in self.columns[j][..j].iter_mut().zip(gain.iter_mut()) {
-                let old = *u;
-                *u = old + share * *k;
-                *k += old * g;
+            if f != T::of(0.0) {
+                let share = -(f / before);
+                for (u, k) in self.columns[j][..j].iter_mut().zip(gain.iter_mut()) {
+                    let old = *u;
+                    *u = old + share * *k;
+                    *k += old * g;
+                }
             }
             gain[j] = g;
             self.d[j] = self.d[j] * (before / alpha);
@@ -92,34 +103,33 @@ impl<T: Real, const N: usize> Factor<T, N> {
         }
     }
 
-    /// P ← Φ P Φᵀ + Q: Φ of the first `moving` components, the identity of the others; Q is diagonal.
+    /// P ← Φ P Φᵀ + Q: Φ of the first `moving` components, the identity of the others; Q is diagonal, and zero of the others.
     ///
-    /// The rows w of [Φ U, I] are made orthogonal under the weights (D, Q), the last one first:
+    /// Constants keep their factors, and what ties the moving components to them is Φ U. The rows w of [Φ U, I] of the moving components are made
+    /// orthogonal under the weights (D, Q), the last one first:
     /// ```text
     /// Dⱼ = ‖wⱼ‖²,   Uᵢⱼ = ⟨wᵢ, wⱼ⟩ / Dⱼ,   wᵢ ← wᵢ − Uᵢⱼ wⱼ   for i < j
     /// ```
-    /// Rows of constants have entries in their own columns only.
     pub(crate) fn propagate(&mut self, phi: &[[T; N]; N], moving: usize, q: &[T; N]) {
-        let (zero, one, n) = (T::of(0.0), T::of(1.0), self.count);
-        for i in 0..n {
-            self.noise[i][..n].fill(zero);
+        let (zero, one, m) = (T::of(0.0), T::of(1.0), moving.min(self.count));
+        for i in 0..m {
+            self.noise[i][..m].fill(zero);
             self.noise[i][i] = one;
-            for j in 0..n {
-                self.carried[i][j] = if i >= moving {
-                    if j < i { zero } else { self.u(i, j) }
-                } else if j < moving {
-                    phi[i][j] + dot(&self.columns[j][..j], &phi[i])
-                } else {
-                    dot(&self.columns[j][..moving], &phi[i])
-                };
+            for j in 0..m {
+                self.carried[i][j] = phi[i][j] + dot(&self.columns[j][..j], &phi[i]);
+            }
+        }
+        for column in &mut self.columns[m..self.count] {
+            let before = *column;
+            for (to, phi) in column[..m].iter_mut().zip(phi) {
+                *to = dot(&before[..m], phi);
             }
         }
         let old = self.d;
         let (mut carried_weighted, mut noise_weighted) = (zero_row::<T, N>(), zero_row::<T, N>());
-        for j in (0..n).rev() {
-            let from = if j < moving { 0 } else { moving };
+        for j in (0..m).rev() {
             let mut d = zero;
-            for k in from..n {
+            for k in 0..m {
                 carried_weighted[k] = self.carried[j][k] * old[k];
                 noise_weighted[k] = self.noise[j][k] * q[k];
                 d += carried_weighted[k] * self.carried[j][k] + noise_weighted[k] * self.noise[j][k];
@@ -127,16 +137,38 @@ impl<T: Real, const N: usize> Factor<T, N> {
             self.d[j] = d;
             let (before, own) = self.carried.split_at_mut(j);
             let (noise_before, noise_own) = self.noise.split_at_mut(j);
-            for i in 0..j {
-                let product = dot(&carried_weighted[from..n], &before[i][from..n])
-                    + dot(&noise_weighted[from..n], &noise_before[i][from..n]);
+            for (i, (row, noise_row)) in before.iter_mut().zip(noise_before).enumerate() {
+                let product = dot(&carried_weighted[..m], row) + dot(&noise_weighted[..m], noise_row);
                 let u = if d > zero { product / d } else { zero };
                 self.columns[j][i] = u;
-                for k in from..n {
-                    before[i][k] = before[i][k] - u * own[0][k];
-                    noise_before[i][k] = noise_before[i][k] - u * noise_own[0][k];
+                for k in 0..m {
+                    row[k] = row[k] - u * own[0][k];
+                    noise_row[k] = noise_row[k] - u * noise_own[0][k];
                 }
             }
+        }
+    }
+
+    /// P ← P + c e eᵀ, e the unit vector of component `i`: Agee's and Turner's update (Bierman, chapter III), which adds and never subtracts variances.
+    /// ```text
+    /// for j = i … 0:   s = aⱼ,   D = Dⱼ + c s²,   c′ = c Dⱼ/D,   aₖ ← aₖ − s Uₖⱼ,   Uₖⱼ ← Uₖⱼ + (c s/D) aₖ   for k < j
+    /// ```
+    pub(crate) fn add_variance(&mut self, i: usize, variance: T) {
+        let mut a = zero_row::<T, N>();
+        a[i] = T::of(1.0);
+        let mut c = variance;
+        for j in (0..=i).rev() {
+            let s = a[j];
+            let d = self.d[j] + c * s * s;
+            if d > T::of(0.0) {
+                let share = c * s / d;
+                c = c * (self.d[j] / d);
+                for (a, u) in a[..j].iter_mut().zip(&mut self.columns[j]) {
+                    *a = *a - s * *u;
+                    *u += share * *a;
+                }
+            }
+            self.d[j] = d;
         }
     }
 }

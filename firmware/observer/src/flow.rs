@@ -1,7 +1,7 @@
 //! How a linear system δ′ = A δ + g goes on over a step: its transition matrix e^{A h}, and its response to a forcing.
 //!
 //! Both are Taylor series over 2ᵏ equal parts of the step, so many that no rate of A times a part is above one. What is left out is then below
-//! 1/120 of the fastest component's own change in a part, and its sign is right: nothing grows that should decay. A has few entries (a
+//! 1/720 of a response and 1/24 of a transition for the fastest component, and nothing grows that should decay. A has few entries (a
 //! position's rate is its speed), and products skip the zeros.
 
 use crate::Real;
@@ -9,8 +9,11 @@ use crate::Real;
 /// Most halvings of a step: rates up to 64 over the step.
 const MOST_HALVINGS: u32 = 6;
 
-/// Terms of the series behind the first.
-const TERMS: u32 = 4;
+/// Terms of a response's series behind the first.
+const TERMS: usize = 4;
+
+/// Terms of a transition's series behind the first: it carries a covariance, which no one knows to four digits.
+const TRANSITION_TERMS: u32 = 3;
 
 /// Halvings of a step of `h` seconds until |Aᵢᵢ| h and √|Σ Aᵢⱼ Aⱼᵢ| h, the rates of decays and of oscillations, are at most one.
 pub(crate) fn halvings<T: Real, const N: usize>(a: &[[T; N]; N], size: usize, h: T) -> u32 {
@@ -36,7 +39,7 @@ pub(crate) fn halvings<T: Real, const N: usize>(a: &[[T; N]; N], size: usize, h:
 
 /// e^{A h}; `room` is used meanwhile.
 ///
-/// I + A h (I + A h/2 (I + A h/3 (I + A h/4))) of a part, squared as often as the step was halved.
+/// I + A h (I + A h/2 (I + A h/3)) of a part, squared as often as the step was halved.
 pub(crate) fn transition<T: Real, const N: usize>(
     a: &[[T; N]; N],
     size: usize,
@@ -52,7 +55,7 @@ pub(crate) fn transition<T: Real, const N: usize>(
         known[i][..size].fill(zero);
         known[i][i] = one;
     }
-    for term in (1..=TERMS).rev() {
+    for term in (1..=TRANSITION_TERMS).rev() {
         let scale = part / T::of(f64::from(term));
         for i in 0..size {
             let row = &mut next[i][..size];
@@ -77,8 +80,8 @@ pub(crate) fn transition<T: Real, const N: usize>(
         }
         core::mem::swap(&mut known, &mut next);
     }
-    // Terms are even, so that an odd count of squares ends in the other matrix.
-    if halvings % 2 == 1 {
+    // An odd count of products ends in the other matrix.
+    if (TRANSITION_TERMS + halvings) % 2 == 1 {
         for i in 0..size {
             next[i][..size].copy_from_slice(&known[i][..size]);
         }
@@ -117,7 +120,7 @@ pub(crate) fn response<T: Real, const N: usize>(
     for _ in 0..parts {
         multiply(a, size, &state, &mut slope);
         let mut sum = [T::of(0.0); N];
-        for k in (0..=TERMS as usize).rev() {
+        for k in (0..=TERMS).rev() {
             let [first, second, third] = [SHARES[k + 1], SHARES[k + 2], SHARES[k + 3]].map(T::of);
             let share = match shape {
                 Shape::Constant => first,

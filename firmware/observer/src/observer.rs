@@ -114,6 +114,9 @@ pub struct Observer<'t, T, const N: usize, const R: usize> {
     /// What the last digit of x does not show.
     rest: [T; N],
     factor: Factor<T, N>,
+    /// Variances by which constants have wandered since their last turn, and whose turn it is.
+    owed: [T; N],
+    turn: usize,
     outliers: [u8; R],
     /// ∂ẋ/∂x, Φ and room for it.
     a: [[T; N]; N],
@@ -159,6 +162,8 @@ impl<'t, T: Real, const N: usize, const R: usize> Observer<'t, T, N, R> {
             x: [zero; N],
             rest: [zero; N],
             factor: Factor::diagonal(core::iter::empty()),
+            owed: [zero; N],
+            turn: model.moving(),
             outliers: [0; R],
             a: square,
             phi: square,
@@ -179,6 +184,8 @@ impl<'t, T: Real, const N: usize, const R: usize> Observer<'t, T, N, R> {
             *x = read.filter(|value| value.abs() < T::of(f64::INFINITY)).unwrap_or(start.value);
         }
         self.rest = [zero; N];
+        self.owed = [zero; N];
+        self.turn = self.moving;
         self.outliers = [0; R];
         self.factor = Factor::diagonal(self.settings.start.iter().map(|start| start.sigma));
     }
@@ -285,8 +292,21 @@ impl<'t, T: Real, const N: usize, const R: usize> Observer<'t, T, N, R> {
             noise[i] = self.settings.process[i] * self.settings.process[i] * periods + doubt * doubt;
         }
         self.factor.propagate(&self.phi, size, &noise);
+        self.wander(&noise);
         for i in 0..size {
             self.add(i, first[i] + second[i]);
+        }
+    }
+
+    /// Constants wander, one a tick by what all ticks since its last turn have added: a change of few parts in a million needs no haste.
+    fn wander(&mut self, noise: &[T; N]) {
+        for i in self.moving..self.states {
+            self.owed[i] += noise[i];
+        }
+        if self.moving < self.states {
+            self.factor.add_variance(self.turn, self.owed[self.turn]);
+            self.owed[self.turn] = T::of(0.0);
+            self.turn = if self.turn + 1 < self.states { self.turn + 1 } else { self.moving };
         }
     }
 

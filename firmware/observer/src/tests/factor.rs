@@ -51,6 +51,7 @@ fn walk<T: Real + Into<f64>>() -> f64 {
             }
         }
         factor.propagate(&of_factor, MOVING, &q.map(T::of));
+        (MOVING..N).for_each(|i| factor.add_variance(i, T::of(q[i])));
         worst = worst.max(apart(&factor, &p));
     }
     assert!(factor.is_sound());
