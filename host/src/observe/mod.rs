@@ -25,7 +25,7 @@ pub use run::Estimates;
 pub use table::Numbers;
 pub use truth::{Truth, TruthError};
 
-use observer::Sensors;
+pub use observer::Sensors;
 
 use crate::calibrate::Calibration;
 use crate::export::{ExportError, Exported};
