@@ -10,8 +10,8 @@ const OUTLIER_SIGMA: f64 = 6.0;
 /// … but no more than so many in a row of one sensor: what lasts longer is an error of the model, or of the estimate.
 const MOST_OUTLIERS: u8 = 3;
 
-/// Share of a step's correction of third order that is taken for the standard deviation of the step's own error.
-/// Other shares have not been tried.
+/// Share of a step's correction of third order that is taken for the standard deviation of the step's own error. On steps in which friction reverses
+/// the error was 1 to 27 % of the correction. Half and double have not been tried.
 const DOUBT: f64 = 0.5;
 
 /// Which sensors are read.
