@@ -1,8 +1,8 @@
 //! Is the observer as sure as it says? Simulated Doggies, each calibrated on one motion and observed on another.
 //!
 //! ```sh
-//! cargo run --release -p tests --bin observer                          # 200 robots with process noise
-//! cargo run --release -p tests --bin observer -- --process-noise 0
+//! cargo run --release -p tests --bin observed                          # 200 robots with process noise
+//! cargo run --release -p tests --bin observed -- --process-noise 0
 //! ```
 //!
 //! Appends a line of JSON a robot to a file and leaves out those that it holds already: it may be stopped and started again.
@@ -13,11 +13,11 @@ use host::observe::Consistency;
 use tests::observed::{Case, Observed, study};
 use tests::study::Arguments;
 
-const USAGE: &str = "observer [--robots N] [--process-noise SIZE] [--first SEED] [--workers N] [--out FILE.jsonl]";
+const USAGE: &str = "observed [--robots N] [--process-noise SIZE] [--first SEED] [--workers N] [--out FILE.jsonl]";
 
 fn main() -> ExitCode {
     let (mut robots, mut process_noise) = (200_u64, 1.0_f64);
-    let understood = Arguments::read(USAGE, "observer.jsonl", |name, value| match name {
+    let understood = Arguments::read(USAGE, "observed.jsonl", |name, value| match name {
         "--robots" => value.parse().map(|n| robots = n).is_ok(),
         "--process-noise" => value.parse().map(|size| process_noise = size).is_ok(),
         _ => false,
