@@ -2,7 +2,7 @@
 //!
 //! Ticks are counted at the pins of the simulated robot, from the tick in which the fault came.
 
-use host::link;
+use host::link::{self, LinkError};
 use host::simulate::Fault;
 use protocol::{Hello, ResetReason};
 use tests::machine::{Emulated, Log, Mishap, Options, REACH, Recorded, SWING, What};
@@ -68,13 +68,18 @@ impl Stopped {
     }
 }
 
-/// Until the pins have shown so many periods. The machine goes on while a host speaks to it.
+/// Until the pins have shown so many periods. The machine goes on while a host speaks to it. A process that another test is starting has this one's files for a moment, and with
+/// them the lock of a port that was closed.
 fn wait_for(machine: &Emulated, periods: usize) {
     for _ in 0..1000 {
         if machine.so_far(|log| log.periods.len()) >= periods {
             return;
         }
-        link::probe(&machine.port().display().to_string(), &link::Options::default()).expect("it answers");
+        match link::probe(&machine.port().display().to_string(), &link::Options::default()) {
+            Ok(_) => {}
+            Err(LinkError::Open { .. }) => std::thread::sleep(std::time::Duration::from_millis(1)),
+            Err(error) => panic!("it answers: {error}"),
+        }
     }
     panic!("no {periods} periods");
 }

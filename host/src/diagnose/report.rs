@@ -116,15 +116,16 @@ fn evaluate(
     if effects.is_empty() {
         return (judged, Vec::new());
     }
-    let predict = |fitted: &Fitted, effects: &[&'static Effect], near: &Predicted| {
+    let predict = |fitted: &Fitted, effects: &[&'static Effect], near: Option<&Predicted>| {
         holdout
-            .predict(&refit.bench, &refit.unweighted(fitted), effects, Some(near))
+            .predict(&refit.bench, &refit.unweighted(fitted), effects, near)
             .inspect_err(|error| tracing::debug!(%error, "an extended model cannot predict the other motion"))
             .ok()
     };
-    let extended = predict(&selection.current, &effects, base);
+    // From states of its own: those of the base model may lie where a contact does not let go of them.
+    let extended = predict(&selection.current, &effects, None);
     let can_predict =
-        |fitted: &Fitted, effects: &[&'static Effect]| effects.is_empty() || predict(fitted, effects, base).is_some();
+        |fitted: &Fitted, effects: &[&'static Effect]| effects.is_empty() || predict(fitted, effects, None).is_some();
     let mut models = Vec::new();
     for (place, (without, lost)) in losses(refit, selection).into_iter().enumerate() {
         let mut others = effects.clone();
@@ -133,7 +134,7 @@ fn evaluate(
             if others.is_empty() {
                 return Some(holdout.gain(base, extended));
             }
-            Some(holdout.gain(&predict(&without, &others, extended)?, extended))
+            Some(holdout.gain(&predict(&without, &others, Some(extended))?, extended))
         });
         judged.predicted.push(gain.is_some() || can_predict(&without, &others));
         judged.of_each.push((lost, gain));

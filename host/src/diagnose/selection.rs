@@ -2,8 +2,8 @@
 //!
 //! ```text
 //!   current model ─▶ scan by blocks ─▶ refit the best, and what is collinear with them ─▶ gain of other blocks, with its interval
-//!        ▲                                                                                   │ supported, not noise         
-//!        └── drop what no longer gains, exchange what a rival explains better ◀── add ◀──────┘            else: end
+//!        ▲                                                                                   │ supported, enough, and half of what a curve gains
+//!        └── drop what no longer gains, exchange what a rival explains better ◀── add ◀──────┘            else: the next best, or end
 //! ```
 //! Nothing is rolled back and nothing is struck out for another one's sake.
 
