@@ -2,6 +2,7 @@
 
 mod program;
 
+use host::observe::Numbers;
 use program::{host, json};
 
 /// The commands of the document, without the program's name.
@@ -21,10 +22,18 @@ fn the_document_is_true_and_what_cannot_be_observed_is_refused() {
     for command in commands() {
         let arguments: Vec<&str> = command.iter().map(String::as_str).collect();
         let said = host(folder.path(), &arguments, 0);
-        assert!(said.contains("innovations (NIS)") && said.contains("bias1[x]"), "{said}");
+        match command[0].as_str() {
+            "observe" => {
+                assert!(said.starts_with("the filter is consistent: innovations are"), "{said}");
+                assert!(said.contains("innovations (NIS) in motion") && said.contains("bias1[x]"), "{said}");
+            }
+            _ => assert!(said.contains("observer.bin (") && said.contains("bytes): 12 states"), "{said}"),
+        }
     }
+    let table = Numbers::from_bytes(&std::fs::read(at("observer.bin")).unwrap()).unwrap();
+    assert_eq!((table.table().moving, table.table().states, table.table().readings), (12, 18, 9));
     let observed = json(&at("observed.json"));
-    assert_eq!(observed["sensors"], "both");
+    assert_eq!((&observed["sensors"], &observed["status"]), (&"both".into(), &"consistent".into()));
     assert_eq!(observed["states"].as_array().unwrap().len(), 12 + 6);
     assert!(observed["events"].as_array().unwrap().is_empty() && observed["nees"].is_null());
     let within = observed["nis"]["within_95"].as_f64().unwrap();
@@ -42,9 +51,25 @@ fn the_document_is_true_and_what_cannot_be_observed_is_refused() {
     let said = host(folder.path(), &["observe", "cal.json", "run.mcap", "--truth", "other.csv"], 4);
     assert!(said.contains("q1, q2"), "{said}");
 
+    // A robot that is not the calibration's: the first line says so, with advice, and the exit code is that of unusable data.
+    host(
+        folder.path(),
+        &["record", "-q", "--port", "sim:seed=4,effect=base_bearing", "--motion", short, "-o", "other.mcap"],
+        0,
+    );
+    let said = host(folder.path(), &["observe", "cal.json", "other.mcap", "-o", "other.json"], 4);
+    assert!(said.starts_with("the filter is NOT consistent") && said.contains("host diagnose"), "{said}");
+    assert_eq!(json(&at("other.json"))["status"], "too_sure");
+    assert!(!json(&at("other.json"))["events"].as_array().unwrap().is_empty());
+    host(folder.path(), &["observe", "cal.json", "other.mcap", "--unchecked"], 0);
+    let calibrated = host(folder.path(), &["export", "run.mcap", "--observer", "no.bin"], 4);
+    assert!(calibrated.contains("not a calibration"), "{calibrated}");
+
     let mut paper = json(&at("cal.json"));
     paper["preset"] = "paper".into();
     std::fs::write(at("paper.json"), paper.to_string()).unwrap();
     assert!(host(folder.path(), &["observe", "paper.json", "run.mcap"], 4).contains("--preset default"));
+    let said = host(folder.path(), &["export", "paper.json", "--observer", "no.bin"], 4);
+    assert!(said.contains("--preset default") && !at("no.bin").exists(), "{said}");
     assert!(host(folder.path(), &["observe", "cal.json", "run.mcap", "-o", "observed.json"], 2).contains("--force"));
 }

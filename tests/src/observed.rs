@@ -1,8 +1,9 @@
-//! Is the observer as sure as it says, and as good as a filter in double precision? Doggies drawn at random, each calibrated on one motion and observed on another.
+//! Is the observer as sure as it says, and as good as a filter in double precision? Doggies drawn at random, each calibrated on one motion and observed on another;
+//! and once more with a bearing in the base that the calibration does not know.
 
 use std::path::Path;
 
-use host::calibrate::{Preset, calibrate};
+use host::calibrate::{Calibration, Preset, calibrate};
 use host::observe::{Consistency, Sensors, Truth, observe};
 use host::recording::Recording;
 use host::robot::Robot;
@@ -49,6 +50,8 @@ pub struct Outcome {
     pub duration_s: f64,
     /// By choice of sensors.
     pub observed: Vec<Observed>,
+    /// Time from the first motor that moves to the first event, s, where a bearing of the base is hidden; none if there was no event. All sensors are read.
+    pub bearing_event_s: Option<f64>,
 }
 
 /// Records two motions, calibrates on the first, observes the second.
@@ -82,7 +85,22 @@ pub fn outcome(case: &Case) -> Outcome {
         }
     };
     let observed = [Sensors::Both, Sensors::Encoders, Sensors::Gyros].map(of_sensors).to_vec();
-    Outcome { case: *case, duration_s: second.recording.duration_s(), observed }
+    let bearing_event_s = bearing_event_s(&calibration, case);
+    Outcome { case: *case, duration_s: second.recording.duration_s(), observed, bearing_event_s }
+}
+
+/// Duty from which on a motor moves: bias windows are at zero, moves above.
+const MOVING_DUTY: f64 = 0.02;
+
+/// When the observer of `calibration` finds that the same robot has got a bearing in its base.
+fn bearing_event_s(calibration: &Calibration, case: &Case) -> Option<f64> {
+    let options = format!("seed={},process_noise={},effect=base_bearing", case.seed, case.process_noise);
+    let options = Options::parse(&options).expect("options of a simulated robot");
+    let changed = Direct::record_nth(&options, SHORT_MOTION, 2).expect("the robot can be simulated").recording;
+    let moves = |k: &usize| changed.duty.iter().any(|duty| duty[*k].abs() > MOVING_DUTY);
+    let begin_s = (0..changed.len()).find(moves).map(|k| changed.time_s(k))?;
+    let (observation, _) = observe(calibration, &changed, Sensors::Both, None, |_| {}).expect("it can be observed");
+    observation.events.first().map(|event| event.t_s - begin_s)
 }
 
 /// Errors of q and q̇ by the filter of `verify`.

@@ -1,8 +1,8 @@
 //! The covariance P as U D Uᵀ: U has ones on its diagonal and zeros below, D is diagonal and never negative.
 //!
 //! A reading is taken in by Bierman's recursion, a step by Thornton's weighted Gram–Schmidt orthogonalisation (G. J. Bierman, *Factorization
-//! Methods for Discrete Sequential Estimation*, 1977, chapters V and VI), the wandering of a constant by the update of Agee and Turner. None takes a difference of variances, so that readings 10⁵ times
-//! sharper than what was known before do not make P indefinite in seven digits. No root is taken. States keep their own units: D scales with them.
+//! Methods for Discrete Sequential Estimation*, 1977, chapters V and VI), the wandering of a constant by the update of Agee and Turner. None takes a
+//! difference of variances, so that readings 10⁵ times sharper than what was known before do not make P indefinite in seven digits. No root is taken. States keep their own units: D scales with them.
 
 use crate::Real;
 
@@ -40,9 +40,19 @@ impl<T: Real, const N: usize> Factor<T, N> {
         variances && (0..self.count).all(slopes)
     }
 
-    /// Uᵢⱼ.
-    fn u(&self, i: usize, j: usize) -> T {
+    /// Uᵢⱼ of i ≤ j.
+    pub fn u(&self, i: usize, j: usize) -> T {
         if i == j { T::of(1.0) } else { self.columns[j][i] }
+    }
+
+    /// Dₖ.
+    pub fn d(&self, k: usize) -> T {
+        self.d[k]
+    }
+
+    /// Components.
+    pub fn count(&self) -> usize {
+        self.count
     }
 
     /// Pᵢⱼ = Σ U_ik D_k U_jk over k ≥ max(i, j).

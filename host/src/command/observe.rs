@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 
 use super::verify::{read_calibration, verify_failure};
 use super::{Exit, Failure, FitnessArgs, NewFile, ResultArgs, Ui, read_failure};
-use crate::export::ExportError;
-use crate::observe::{self, Consistency, Estimates, Observation, ObserveError, Truth};
+use crate::export::{ExportError, Exported};
+use crate::observe::{self, Consistency, Estimates, Observation, ObserveError, Status, Truth};
 use crate::recording;
 use crate::report;
 
@@ -15,7 +15,7 @@ use crate::report;
 ///
 /// The filter that runs on the device, in the same single precision: an extended Kalman filter over the calibrated model, with the noise that the
 /// calibration found. Prints whether its innovations are as large as it says (NIS), the same of its true errors where a simulated robot's
-/// truth is given (NEES), and when the robot stopped behaving like its model.
+/// truth is given (NEES), and when the robot stopped behaving like its model. Ends with 4 where the filter is not consistent (`--unchecked` ends with 0).
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// The calibration
@@ -74,13 +74,48 @@ pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
         observe::observe(&calibration, &recording, sensors, truth.as_ref(), |step| progress.stage(step))
             .map_err(observe_failure)?;
     drop(progress);
+    ui.say(format_args!("{}", verdict(&observation)));
+    if let Some(warning) = Exported::of(&calibration).ok().and_then(|exported| exported.warning()) {
+        ui.say(format_args!("WARNING: {warning}"));
+    }
     say(ui, &observation);
     if let Some(file) = table {
         ui.say(format_args!("estimates: {}", file.path().display()));
         write_estimates(file, &recording.t_us, &observation, &estimates)?;
     }
     outputs.finish(ui, &observation, || report::observation::page(&observation, &estimates).to_html())?;
-    Ok(Exit::Ok)
+    let is_right = observation.status == Status::Consistent || args.fitness.unchecked;
+    Ok(if is_right { Exit::Ok } else { Exit::Data })
+}
+
+/// Whether the filter is consistent, and what to do if not.
+fn verdict(observation: &Observation) -> String {
+    let innovations = observation.nis.map_or_else(String::new, |nis| {
+        format!(
+            ": innovations are {:.3} of what it says, {:.1} % of ticks in motion lie within the central 95 %",
+            nis.mean_per_dof,
+            100.0 * nis.within_95
+        )
+    });
+    let event = observation.events.first();
+    let event =
+        event.map_or_else(String::new, |event| format!("; from {:.3} s on the robot is not its model", event.t_s));
+    let lost = match observation.starts.saturating_sub(1 + observation.recording.gaps) {
+        0 => String::new(),
+        times => format!("; it lost the robot and started anew {times} times"),
+    };
+    match observation.status {
+        Status::Consistent => format!("the filter is consistent{innovations}"),
+        Status::TooSure => format!(
+            "the filter is NOT consistent, do not use its estimates{innovations}{event}{lost}; `host diagnose` tells what the model lacks, a new `host calibrate` what has changed"
+        ),
+        Status::TooCareful => format!(
+            "the filter is NOT consistent, its errors are smaller than it says{innovations}; the calibration's noise is not that of this recording: calibrate on this one"
+        ),
+        Status::NoMotion => {
+            "whether the filter is consistent is not known: no position moves further than its sensor's step; observe a motion".to_owned()
+        }
+    }
 }
 
 fn read_truth(path: &Path) -> Result<Truth, Failure> {
@@ -131,7 +166,7 @@ fn say(ui: &Ui, observation: &Observation) {
             ));
         }
     };
-    of("innovations (NIS)", &observation.nis);
+    of("innovations (NIS) in motion", &observation.nis);
     of("true errors (NEES)", &observation.nees);
     if observation.left_out > 0 {
         ui.say(format_args!("{} readings stood alone and were left out", observation.left_out));
@@ -142,7 +177,7 @@ fn say(ui: &Ui, observation: &Observation) {
 }
 
 /// A calibration or a recording that cannot be observed.
-fn observe_failure(error: ObserveError) -> Failure {
+pub(super) fn observe_failure(error: ObserveError) -> Failure {
     match error {
         ObserveError::Recording(error) | ObserveError::Export(ExportError::Calibration(error)) => verify_failure(error),
         error => Failure::data(error.to_string()),

@@ -1,7 +1,7 @@
 //! The robot's observer on a recording: the same filter, in the same precision, that runs on the device.
 //!
 //! ```text
-//! CAL.json ─▶ Exported ─▶ Numbers (table, noise) ─┐
+//! CAL.json ─▶ Exported ─▶ Numbers (table, noise) ─┬─▶ bytes (`host export --observer`)
 //! recording ── readings, inputs as they act ──────┴─▶ run (observer::Observer<f32>) ─▶ Estimates ─▶ consistency ─▶ Observation
 //!                                                          truth of a simulated robot ──────────────┘
 //! ```
@@ -10,6 +10,7 @@
 //! the normalised estimation error squared (NEES) the state with the true one, where that is known. Both are χ² if the filter is right, so that
 //! 95 % of them lie between the 2.5th and the 97.5th percentile.
 
+mod bytes;
 mod consistency;
 mod result;
 mod run;
@@ -19,8 +20,9 @@ mod table;
 mod tests;
 mod truth;
 
+pub use bytes::BytesError;
 pub use consistency::Consistency;
-pub use result::{Error, Event, Observation, RecordingObserved, StateEstimate};
+pub use result::{Error, Event, Observation, RecordingObserved, StateEstimate, Status};
 pub use run::Estimates;
 pub use table::Numbers;
 pub use truth::{Truth, TruthError};
@@ -29,7 +31,6 @@ pub use observer::Sensors;
 
 use crate::calibrate::Calibration;
 use crate::export::{ExportError, Exported};
-use crate::model::Integrator;
 use crate::recording::Recording;
 use crate::verify::{self, VerifyError};
 
@@ -82,9 +83,6 @@ pub fn observe(
     step: impl Fn(&'static str),
 ) -> Result<(Observation, Estimates), ObserveError> {
     let exported = Exported::of(calibration)?;
-    if exported.integrator() == Integrator::Euler {
-        return Err(ObserveError::Euler);
-    }
     verify::check(&exported.calibrated, recording)?;
     step("writing the model down");
     let numbers = Numbers::of(&exported)?;

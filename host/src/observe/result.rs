@@ -24,9 +24,11 @@ pub struct Observation {
     pub recording: RecordingObserved,
     /// What was read: `gyros`, `encoders` or `both`.
     pub sensors: String,
+    /// Whether the filter is right about its innovations.
+    pub status: Status,
     /// Every component of the state, gyro biases behind the others.
     pub states: Vec<StateEstimate>,
-    /// Of the innovations; null where no reading was taken in after the filter had settled.
+    /// Of the innovations while the robot moves; null where it did not move after the filter had settled.
     pub nis: Option<Consistency>,
     /// Of the true errors; null without a truth.
     pub nees: Option<Consistency>,
@@ -103,6 +105,44 @@ pub(super) fn names(exported: &Exported<'_>) -> Vec<(String, String)> {
     own.chain(biases(exported).into_iter().map(of_bias)).collect()
 }
 
+/// Whether a filter is right about its innovations.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Status {
+    /// It is, and no event was raised.
+    Consistent,
+    /// Innovations are larger than it says, or an event was raised, or the filter lost the robot.
+    TooSure,
+    /// Innovations are smaller than it says.
+    TooCareful,
+    /// The robot did not move.
+    NoMotion,
+}
+
+/// Mean of the normalised innovation squared from which on a filter is too sure. A filter that is right has 1 ± 0.02 in a motion of 24 s;
+/// other limits have not been tried.
+const TOO_SURE: f64 = 1.15;
+
+/// The same below which it is too careful.
+const TOO_CAREFUL: f64 = 0.87;
+
+/// Least share of ticks within the central 95 % of χ². Of 200 simulated robots none had less than 93 %.
+const LEAST_WITHIN: f64 = 0.9;
+
+impl Status {
+    fn of(estimates: &Estimates, segments: usize) -> Self {
+        let is_lost = estimates.starts > segments || !estimates.events_s.is_empty();
+        match &estimates.nis {
+            _ if is_lost => Status::TooSure,
+            None => Status::NoMotion,
+            Some(nis) if nis.mean_per_dof < TOO_CAREFUL => Status::TooCareful,
+            // What is no number is not below a limit.
+            Some(nis) if nis.mean_per_dof < TOO_SURE && nis.within_95 >= LEAST_WITHIN => Status::Consistent,
+            Some(_) => Status::TooSure,
+        }
+    }
+}
+
 impl Observation {
     pub(super) fn of(
         calibration: &Calibration,
@@ -143,6 +183,7 @@ impl Observation {
                 Sensors::Both => "both",
             }
             .to_owned(),
+            status: Status::of(estimates, recording.segments().len()),
             states,
             nis: estimates.nis,
             nees: estimates.nees,

@@ -11,6 +11,12 @@ use crate::recording::Recording;
 /// Time after a start that counts for no consistency, s: the start is a guess.
 pub(super) const SETTLING_S: f64 = 0.1;
 
+/// A robot moves where a position that is read has gone further than its sensor's step in this time, s.
+const MOTION_S: f64 = 0.1;
+
+/// A sensor's step over its standard deviation, if rounding to that step is all its noise: √12. With other noise the step is smaller.
+const STEP_PER_SIGMA: f64 = 3.464_101_615_137_754;
+
 /// What the observer made of a recording, tick by tick.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Estimates {
@@ -30,7 +36,7 @@ pub struct Estimates {
     pub starts: usize,
     /// Readings left out because they stood alone.
     pub left_out: usize,
-    /// Of the innovations.
+    /// Of the innovations while the robot moves. Of a robot at rest an encoder gives the same count or its neighbour, and its square is not χ².
     pub nis: Option<Consistency>,
     /// Of the state's true error.
     pub nees: Option<Consistency>,
@@ -72,6 +78,8 @@ fn with_room<const N: usize, const R: usize>(
         sigmas: vec![Vec::with_capacity(recording.len()); table.states],
         ..Estimates::default()
     };
+    let lag = (MOTION_S / recording.period_s).round() as usize;
+    let read: Vec<(usize, f64)> = numbers.steps(STEP_PER_SIGMA).collect();
     for segment in recording.segments() {
         // Across a gap the input is not known: the filter starts anew.
         let mut started_s = None;
@@ -98,7 +106,13 @@ fn with_room<const N: usize, const R: usize>(
             let taken = usize::from(innovation.taken);
             let square = f64::from(innovation.nis);
             if t_s - start_s >= SETTLING_S {
-                nis.add(square, taken);
+                let is_moving = |(state, step): &(usize, f64)| {
+                    let earlier = k.checked_sub(lag).and_then(|k| found.states[*state].get(k).copied());
+                    earlier.is_some_and(|earlier| (f64::from(observer.state()[*state]) - earlier).abs() > *step)
+                };
+                if read.iter().any(is_moving) {
+                    nis.add(square, taken);
+                }
                 if let Some((square, dof)) = truth.and_then(|truth| error_square(&observer, truth, k)) {
                     nees.add(square, dof);
                 }
@@ -144,9 +158,13 @@ fn error_square<const N: usize, const R: usize>(
         return None;
     }
     let factor = observer.covariance();
-    let covariance =
-        DMatrix::from_fn(places.len(), places.len(), |i, j| f64::from(factor.covariance(places[i], places[j])));
-    // In units of each state's own standard deviation, so that rounding in single precision stays relative.
+    // The factors are those of single precision. Their product is taken in double: it is nearly singular where gyros alone are read.
+    let product = |i: usize, j: usize| {
+        let term = |k: usize| f64::from(factor.u(i, k)) * f64::from(factor.d(k)) * f64::from(factor.u(j, k));
+        (i.max(j)..factor.count()).map(term).sum::<f64>()
+    };
+    let covariance = DMatrix::from_fn(places.len(), places.len(), |i, j| product(places[i], places[j]));
+    // In units of each state's own standard deviation, so that rounding stays relative.
     let scale = covariance.diagonal().map(|variance| variance.sqrt().recip());
     let correlation = DMatrix::from_fn(places.len(), places.len(), |i, j| scale[i] * covariance[(i, j)] * scale[j]);
     let error = error.component_mul(&scale);

@@ -11,15 +11,15 @@ use observer::{Instruction, Operation, Output, Sensors, Settings, Start, Table, 
 
 use super::{ObserveError, settings};
 use crate::export::{Exported, Place, Program};
-use crate::model::Expression;
 use crate::model::expression::{Function, Node};
+use crate::model::{Expression, Integrator};
 
 /// A tape with its own numbers.
 #[derive(Debug, Clone, PartialEq)]
-struct OwnedTape {
-    constants: Vec<f32>,
-    instructions: Vec<Instruction>,
-    outputs: Vec<Output>,
+pub(super) struct OwnedTape {
+    pub constants: Vec<f32>,
+    pub instructions: Vec<Instruction>,
+    pub outputs: Vec<Output>,
 }
 
 impl OwnedTape {
@@ -31,18 +31,18 @@ impl OwnedTape {
 /// Everything that an observer is told of a robot.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Numbers {
-    moving: usize,
-    states: usize,
-    inputs: usize,
-    readings: usize,
-    rates: OwnedTape,
-    rates_slopes: OwnedTape,
-    readings_slopes: OwnedTape,
-    period_s: f32,
-    sigma: Vec<f32>,
-    is_gyro: Vec<bool>,
-    process: Vec<f32>,
-    start: Vec<Start<f32>>,
+    pub(super) moving: usize,
+    pub(super) states: usize,
+    pub(super) inputs: usize,
+    pub(super) readings: usize,
+    pub(super) rates: OwnedTape,
+    pub(super) rates_slopes: OwnedTape,
+    pub(super) readings_slopes: OwnedTape,
+    pub(super) period_s: f32,
+    pub(super) sigma: Vec<f32>,
+    pub(super) is_gyro: Vec<bool>,
+    pub(super) process: Vec<f32>,
+    pub(super) start: Vec<Start<f32>>,
 }
 
 impl Numbers {
@@ -51,6 +51,9 @@ impl Numbers {
     /// # Errors
     /// [`ObserveError`].
     pub fn of(exported: &Exported<'_>) -> Result<Self, ObserveError> {
+        if exported.integrator() == Integrator::Euler {
+            return Err(ObserveError::Euler);
+        }
         let program = Program::of(exported)?;
         let biases = biases(exported);
         let (moving, columns) = (program.sizes.states, program.sizes.columns());
@@ -109,6 +112,12 @@ impl Numbers {
             start: &self.start,
             sensors,
         }
+    }
+
+    /// Positions that a sensor reads, and `per_sigma` standard deviations of that sensor.
+    pub(super) fn steps(&self, per_sigma: f64) -> impl Iterator<Item = (usize, f64)> {
+        let step = move |reading: u16| self.sigma.get(usize::from(reading)).map(|sigma| per_sigma * f64::from(*sigma));
+        self.start.iter().enumerate().filter_map(move |(state, start)| Some((state, start.reading.and_then(step)?)))
     }
 
     /// Operations of a tick: rates with derivatives, rates, readings with derivatives.

@@ -3,7 +3,7 @@
 use observer::{Input, Model, Sensors, TableModel};
 use solve::levenberg::Settings;
 
-use super::{Estimates, Numbers, Observation, ObserveError, Truth, observe};
+use super::{Estimates, Numbers, Observation, ObserveError, Status, Truth, observe};
 use crate::calibrate::{Calibration, ChannelNoise, Preset, calibrate, process_names};
 use crate::export::tests::fixtures::{self, random_points, robot};
 use crate::export::{Exported, Program};
@@ -14,7 +14,7 @@ use crate::simulate::{Direct, Options, SHORT_MOTION};
 const RTOL_F32: f64 = 2e-4;
 
 /// A made-up calibration that tells process noise.
-fn made_up(name: &str, extensions: &[&str]) -> Calibration {
+pub(super) fn made_up(name: &str, extensions: &[&str]) -> Calibration {
     let mut calibration = fixtures::calibration(&robot(name), extensions);
     let names = {
         let exported = Exported::of(&calibration).unwrap();
@@ -129,6 +129,9 @@ fn a_simulated_robot_is_observed_consistently() {
             println!("  {}: {:.2e} {}, said {:.2e}", error.name, error.rms, error.unit, error.rms_sigma);
         }
         assert!(observation.events.is_empty() && observation.starts == 1);
+        assert_eq!(observation.status, Status::Consistent);
+        // Without process noise the filter's steps are better than it says; it is never too sure.
+        assert!(nees.mean_per_dof.is_finite() && nees.mean_per_dof < 1.2, "{sensors:?}: {nees:?}");
         assert!(
             (nis.mean_per_dof - 1.0).abs() < 0.03 && (0.93..=0.97).contains(&nis.within_95),
             "{sensors:?}: {nis:?}"
@@ -144,6 +147,7 @@ fn a_hidden_bearing_raises_an_event_within_a_second_of_motion() {
     let moves = |k: &usize| changed.recording.duty.iter().any(|duty| duty[*k].abs() > 0.02);
     let begin_s = (0..changed.recording.len()).find(moves).map(|k| changed.recording.time_s(k)).unwrap();
     let event_s = observation.events.first().map(|event| event.t_s);
+    assert_eq!(observation.status, Status::TooSure);
     println!("moves from {begin_s} s on, event at {event_s:?} s");
     assert!(event_s.is_some_and(|event_s| (begin_s..begin_s + 1.0).contains(&event_s)), "{event_s:?} {begin_s}");
     assert!(observed(&calibration, &direct, Sensors::Both).0.events.is_empty());

@@ -2,7 +2,7 @@
 
 use super::number::significant;
 use super::{Cell, Colour, LinePlot, Page, Section, Series, Table, Tone};
-use crate::observe::{Consistency, Estimates, Observation};
+use crate::observe::{Consistency, Estimates, Observation, Status};
 
 /// Innovations are averaged over this time, s.
 const AVERAGED_S: f64 = 0.1;
@@ -25,11 +25,19 @@ pub fn page(observation: &Observation, estimates: &Estimates) -> Page {
 fn verdict(observation: &Observation) -> String {
     let innovations = match &observation.nis {
         Some(nis) => format!("Innovations are {} of what the filter says", significant(nis.mean_per_dof, 3)),
-        None => "No reading was taken in".to_owned(),
+        None => "The robot did not move".to_owned(),
+    };
+    let innovations = match observation.status {
+        Status::Consistent => format!("The filter is consistent. {innovations}"),
+        Status::TooSure => format!("The filter is not consistent, do not use its estimates. {innovations}"),
+        Status::TooCareful => {
+            format!("The filter is not consistent, its errors are smaller than it says. {innovations}")
+        }
+        Status::NoMotion => format!("Whether the filter is consistent is not known. {innovations}"),
     };
     match observation.events.first() {
         Some(event) => format!("{innovations}. At {:.3} s the robot stopped behaving like its model.", event.t_s),
-        None => format!("{innovations}. The robot behaves like its model."),
+        None => format!("{innovations}. The watchdog raised no event."),
     }
 }
 
@@ -49,7 +57,7 @@ fn consistency(observation: &Observation, estimates: &Estimates) -> Section {
             ]);
         }
     };
-    row("innovations (NIS)", &observation.nis);
+    row("innovations (NIS) in motion", &observation.nis);
     row("true errors (NEES)", &observation.nees);
     section.table(&table);
     let (t_s, nis) = averaged(&estimates.t_s, &estimates.nis_per_reading);

@@ -58,7 +58,31 @@ fn main() -> ExitCode {
             at(over.len().saturating_sub(1)),
         );
     }
+    let mut delays_s: Vec<f64> = outcomes.iter().filter_map(|outcome| outcome.bearing_event_s).collect();
+    delays_s.sort_by(f64::total_cmp);
+    let in_time = delays_s.iter().filter(|delay_s| (0.0..=1.0).contains(*delay_s)).count();
+    let latest_s = delays_s.last().copied().unwrap_or(f64::NAN);
+    println!(
+        "a hidden bearing: {in_time} of {} events within 1 s of motion, the latest after {latest_s:.3} s",
+        outcomes.len()
+    );
+    // A robot's own share, as the sum over all hides one that is off.
+    for sensors in ["both", "encoders", "gyros"] {
+        let of_it = || outcomes.iter().flat_map(|outcome| &outcome.observed).filter(|found| found.sensors == sensors);
+        println!(
+            "{sensors}: robots' shares within 95 %, least and most: NIS {}, NEES {}",
+            range(of_it().filter_map(|found| found.nis)),
+            range(of_it().filter_map(|found| found.nees)),
+        );
+    }
     ExitCode::SUCCESS
+}
+
+/// Least and largest share of ticks within the band, of one robot.
+fn range(found: impl Iterator<Item = Consistency>) -> String {
+    let (least, most) =
+        found.fold((1.0_f64, 0.0_f64), |(a, b), found| (a.min(found.within_95), b.max(found.within_95)));
+    format!("{:.1} to {:.1} %", 100.0 * least, 100.0 * most)
 }
 
 /// Mean over all degrees of freedom, and the share of all ticks.
