@@ -65,6 +65,11 @@ fn the_document_is_true_and_what_cannot_be_observed_is_refused() {
     let calibrated = host(folder.path(), &["export", "run.mcap", "--observer", "no.bin"], 4);
     assert!(calibrated.contains("not a calibration"), "{calibrated}");
 
+    let mut wrong = json(&at("cal.json"));
+    wrong["status"] = "does_not_fit".into();
+    std::fs::write(at("wrong.json"), wrong.to_string()).unwrap();
+    assert!(host(folder.path(), &["observe", "wrong.json", "run.mcap"], 4).contains("WARNING"));
+
     let mut paper = json(&at("cal.json"));
     paper["preset"] = "paper".into();
     std::fs::write(at("paper.json"), paper.to_string()).unwrap();

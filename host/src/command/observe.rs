@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use super::verify::{read_calibration, verify_failure};
 use super::{Exit, Failure, FitnessArgs, NewFile, ResultArgs, Ui, read_failure};
+use crate::calibrate;
 use crate::export::{ExportError, Exported};
 use crate::observe::{self, Consistency, Estimates, Observation, ObserveError, Status, Truth};
 use crate::recording;
@@ -15,7 +16,8 @@ use crate::report;
 ///
 /// The filter that runs on the device, in the same single precision: an extended Kalman filter over the calibrated model, with the noise that the
 /// calibration found. Prints whether its innovations are as large as it says (NIS), the same of its true errors where a simulated robot's
-/// truth is given (NEES), and when the robot stopped behaving like its model. Ends with 4 where the filter is not consistent (`--unchecked` ends with 0).
+/// truth is given (NEES), and when the robot stopped behaving like its model. Ends with 4 where the filter is not consistent, or
+/// where the calibration does not fit its own recording (`--unchecked` ends with 0).
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// The calibration
@@ -84,8 +86,13 @@ pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
         write_estimates(file, &recording.t_us, &observation, &estimates)?;
     }
     outputs.finish(ui, &observation, || report::observation::page(&observation, &estimates).to_html())?;
-    let is_right = observation.status == Status::Consistent || args.fitness.unchecked;
-    Ok(if is_right { Exit::Ok } else { Exit::Data })
+    Ok(match calibration.status {
+        _ if args.fitness.unchecked => Exit::Ok,
+        _ if observation.status != Status::Consistent => Exit::Data,
+        calibrate::Status::DoesNotFit => Exit::Data,
+        status if status.is_usable() => Exit::Ok,
+        _ => Exit::NoConvergence,
+    })
 }
 
 /// Whether the filter is consistent, and what to do if not.
