@@ -68,7 +68,11 @@ fn the_document_is_true_and_what_cannot_be_observed_is_refused() {
     let mut wrong = json(&at("cal.json"));
     wrong["status"] = "does_not_fit".into();
     std::fs::write(at("wrong.json"), wrong.to_string()).unwrap();
-    assert!(host(folder.path(), &["observe", "wrong.json", "run.mcap"], 4).contains("WARNING"));
+    let said = host(folder.path(), &["observe", "wrong.json", "run.mcap"], 4);
+    assert!(
+        said.lines().next().unwrap().contains("not to be trusted") && said.contains("WARNING: does_not_fit"),
+        "{said}"
+    );
 
     let mut paper = json(&at("cal.json"));
     paper["preset"] = "paper".into();

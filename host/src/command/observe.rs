@@ -76,8 +76,10 @@ pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
         observe::observe(&calibration, &recording, sensors, truth.as_ref(), |step| progress.stage(step))
             .map_err(observe_failure)?;
     drop(progress);
-    ui.say(format_args!("{}", verdict(&observation)));
-    if let Some(warning) = Exported::of(&calibration).ok().and_then(|exported| exported.warning()) {
+    let warning = Exported::of(&calibration).ok().and_then(|exported| exported.warning());
+    let but = if warning.is_some() { "; but its calibration is not to be trusted, see below" } else { "" };
+    ui.say(format_args!("{}{but}", verdict(&observation)));
+    if let Some(warning) = warning {
         ui.say(format_args!("WARNING: {warning}"));
     }
     say(ui, &observation);
