@@ -154,8 +154,12 @@ fn write_estimates(file: NewFile, t_us: &[u64], observation: &Observation, found
 }
 
 fn say(ui: &Ui, observation: &Observation) {
-    ui.say(format_args!("{:<16}{:>14}{:>14}  unit", "state at the end", "estimate", "± sigma"));
-    for state in &observation.states {
+    // Estimates that are not to be used are in the result, for who looks for the cause.
+    let is_usable = observation.status != Status::TooSure;
+    if is_usable {
+        ui.say(format_args!("{:<16}{:>14}{:>14}  unit", "state at the end", "estimate", "± sigma"));
+    }
+    for state in observation.states.iter().filter(|_| is_usable) {
         let (Some(last), Some(sigma)) = (state.last, state.last_sigma) else { continue };
         ui.say(format_args!("{:<16}{last:>14.6}{sigma:>14.2e}  {}", state.name, state.unit));
     }
@@ -178,7 +182,10 @@ fn say(ui: &Ui, observation: &Observation) {
     of("innovations (NIS) in motion", &observation.nis);
     of("true errors (NEES)", &observation.nees);
     if observation.left_out > 0 {
-        ui.say(format_args!("{} readings stood alone and were left out", observation.left_out));
+        ui.say(format_args!(
+            "{} readings lay beyond 6 standard deviations and were left out, at most three in a row of a sensor",
+            observation.left_out
+        ));
     }
     for event in &observation.events {
         ui.say(format_args!("at {:.3} s the robot stopped behaving like its model", event.t_s));

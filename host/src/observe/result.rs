@@ -119,14 +119,14 @@ pub enum Status {
     NoMotion,
 }
 
-/// Mean of the normalised innovation squared from which on a filter is too sure. Of 26 simulated robots, read three ways, means were 0.98 to
+/// Mean of the normalised innovation squared from which on a filter is too sure. Of 41 simulated robots, read three ways, means were 0.98 to
 /// 1.04; other limits have not been tried.
 const TOO_SURE: f64 = 1.15;
 
 /// The same below which it is too careful.
 const TOO_CAREFUL: f64 = 0.87;
 
-/// Least share of ticks within the central 95 % of χ². Of 26 simulated robots, read three ways, the least was 93.4 %.
+/// Least share of ticks within the central 95 % of χ². Of 41 simulated robots, read three ways, the least was 93.4 %.
 const LEAST_WITHIN: f64 = 0.9;
 
 impl Status {
