@@ -8,6 +8,8 @@ pub mod command;
 pub mod report;
 
 pub mod diagnose;
+pub mod observe;
+
 pub mod export;
 pub mod fleet;
 pub mod verify;

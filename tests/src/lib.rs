@@ -5,6 +5,7 @@ pub mod coverage;
 pub mod healthy;
 pub mod hidden;
 pub mod machine;
+pub mod observed;
 pub mod riddle;
 pub mod study;
 pub mod wrong_world;

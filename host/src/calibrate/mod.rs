@@ -55,7 +55,7 @@ pub use bench::Bench;
 pub use blocks::{BlockFit, BlockScores, LawBlock, Quadratic};
 pub use fit::{Fit, calibrate, extend, extend_as, fit};
 pub use noise::Noise;
-pub(crate) use noise::of_inputs;
+pub(crate) use noise::{of_inputs, process_names};
 pub use observability::{Unobservable, comparable_truth};
 pub use point::{BorderLayout, Point};
 pub use preset::{Assumptions, GyroRows, InitialNoise, Method, NoiseSource, Preset, ProcessNoise};

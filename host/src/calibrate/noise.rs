@@ -217,7 +217,7 @@ fn by_component(model: &Model, noise: ProcessNoise) -> Vec<f64> {
 }
 
 /// Names and units of state components in results, as `process.qd[2]`; `passive` are joints and `own` are states that effects bring.
-pub(super) fn process_names(robot: &Robot, layout: &Layout) -> Vec<(String, &'static str)> {
+pub(crate) fn process_names(robot: &Robot, layout: &Layout) -> Vec<(String, &'static str)> {
     let mut names: Vec<_> = (0..layout.size()).map(|i| (format!("process.own[{}]", i + 1), "")).collect();
     for (place, i) in layout.passive().enumerate() {
         names[i] = (format!("process.passive.q[{}]", place + 1), "rad");

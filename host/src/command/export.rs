@@ -3,16 +3,19 @@
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 
+use super::observe::observe_failure;
 use super::verify::read_calibration;
 use super::{Exit, Failure, NewFile, Ui, read_failure};
 use crate::calibrate::Status;
 use crate::export::{self, ExportError, Exported, Loss};
+use crate::observe::Numbers;
 use crate::recording::{self, csv};
 
 /// Write a recording or a calibrated model for other tools
 ///
 /// A recording becomes a table. A calibrated model becomes a robot description with the identified values, a program in C or Rust (rates, readings, exact
-/// Jacobians, a step), a model for MuJoCo, or a URDF; each file begins with what it keeps of the model and what it loses.
+/// Jacobians, a step), a model for MuJoCo, or a URDF; each of these begins with what it keeps of the model and what it loses. It also becomes an
+/// observer's table of numbers.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// The recording, or the calibration
@@ -47,6 +50,9 @@ struct Format {
     /// Of a calibration: chain, bodies and limits, damping and friction
     #[arg(long, value_name = "OUT.urdf")]
     urdf: Option<PathBuf>,
+    /// Of a calibration: the numbers of an observer, as bytes with a checksum (host/doc/observer.md)
+    #[arg(long, value_name = "OUT.bin")]
+    observer: Option<PathBuf>,
 }
 
 /// A file's text, and what it keeps of the model.
@@ -70,6 +76,7 @@ pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
         Format { mjcf: Some(path), .. } => one(&path, export::mjcf),
         Format { urdf: Some(path), .. } => one(&path, export::urdf),
         Format { c: Some(path), .. } => c(input, &path, force, ui),
+        Format { observer: Some(path), .. } => observer(input, &path, force, ui),
         _ => Err(Failure::fault("no format was given, and the command line was accepted")),
     }
 }
@@ -77,7 +84,7 @@ pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
 fn table(input: &Path, path: &Path, force: bool, ui: &Ui) -> Result<Exit, Failure> {
     if input.extension().is_some_and(|extension| extension == "json") {
         return Err(Failure::usage(format!("{} is a calibration: --csv writes a recording", input.display()))
-            .advice("give the recording, or one of --robot, --rust, --c, --mjcf, --urdf"));
+            .advice("give the recording, or one of --robot, --rust, --c, --mjcf, --urdf, --observer"));
     }
     let file = NewFile::claim(path, force)?;
     let reading = ui.busy("reading");
@@ -104,6 +111,16 @@ fn c(input: &Path, path: &Path, force: bool, ui: &Ui) -> Result<Exit, Failure> {
         header_file.finish_with(files.header.as_bytes())?;
         code_file.finish_with(files.code.as_bytes())?;
         Ok((format!("{}, {}", code.display(), header.display()), losses))
+    })
+}
+
+/// The table of an observer. Its equations are those of the model; single precision is all that it loses.
+fn observer(input: &Path, path: &Path, force: bool, ui: &Ui) -> Result<Exit, Failure> {
+    let file = NewFile::claim(path, force)?;
+    write_model(input, ui, |exported| {
+        let bytes = Numbers::of(exported).and_then(|numbers| numbers.to_bytes()).map_err(observe_failure)?;
+        file.finish_with(&bytes)?;
+        Ok((format!("{} ({} bytes)", path.display(), bytes.len()), Vec::new()))
     })
 }
 

@@ -19,6 +19,7 @@ mod diagnose;
 mod effects;
 mod export;
 mod import;
+mod observe;
 mod ports;
 mod record;
 mod repair;
@@ -69,6 +70,7 @@ enum Verb {
     Check(check::Args),
     Calibrate(calibrate::Args),
     Verify(verify::Args),
+    Observe(observe::Args),
     Table(table::Args),
     Diagnose(diagnose::Args),
     Export(export::Args),
@@ -94,6 +96,7 @@ pub fn main() -> ExitCode {
         Verb::Check(args) => check::run(args, &ui),
         Verb::Calibrate(args) => calibrate::run(args, &ui),
         Verb::Verify(args) => verify::run(args, &ui),
+        Verb::Observe(args) => observe::run(args, &ui),
         Verb::Table(args) => table::run(args, &ui),
         Verb::Diagnose(args) => diagnose::run(args, &ui),
         Verb::Export(args) => export::run(args, &ui),

@@ -17,7 +17,7 @@ mod mjcf;
 mod program;
 mod robot_file;
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
 mod urdf;
 
 pub use exported::{Exported, Parameter, Place, Quantity};

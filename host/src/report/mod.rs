@@ -26,6 +26,7 @@ pub mod diagnosis;
 pub mod fleet;
 pub mod html;
 pub mod number;
+pub mod observation;
 
 mod bars;
 mod check;

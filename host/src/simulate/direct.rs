@@ -26,6 +26,8 @@ pub struct Direct {
     pub truth: Vec<TrueValue>,
     /// The effects in the plant.
     pub effects: Vec<EffectTruth>,
+    /// The true state at every tick, by columns: q, q̇, θ and θ̇ of each joint, named as in exported models (`qd1`).
+    pub states: Vec<(String, Vec<f64>)>,
 }
 
 impl Direct {
@@ -60,8 +62,12 @@ impl Direct {
         let mut recorder = Recorder::new(Session { motion: Some(file), ..Session::of(robot.clone()) });
         let mut player: Option<Player> = None;
         (0..n).for_each(|_| board.begin_motion());
+        let names = |joint: usize| ["q", "qd", "theta", "thetad"].map(|name| format!("{name}{}", joint + 1));
+        let joints = robot.joints.len();
+        let mut states: Vec<_> = (0..joints).flat_map(names).map(|name| (name, Vec::new())).collect();
         for k in 0_u64.. {
             let mut phase = None;
+            let before: Vec<f64> = (0..joints).flat_map(|joint| board.world().plant().joint_state(joint)).collect();
             let (inputs, duty) = board.tick_with(|inputs| {
                 let positions = wires.positions(inputs);
                 let player =
@@ -78,10 +84,11 @@ impl Direct {
             let values = wires.values(&inputs);
             let duty = &duty[..robot.joints.len()];
             let row = Row { t_us: 1000 * k, seq: k, phase, tick: Tick::default(), duty, values: &values };
+            states.iter_mut().zip(before).for_each(|((_, values), value)| values.push(value));
             recorder.push(&row).map_err(|error| SimulateError::Machine { said: error.to_string() })?;
         }
         let source = Source { path: "simulated".into(), sha256: String::new() };
-        Ok(Self { recording: recorder.finish(source), truth, effects })
+        Ok(Self { recording: recorder.finish(source), truth, effects, states })
     }
 }
 

@@ -135,6 +135,11 @@ impl World {
         counters
     }
 
+    /// The robot itself.
+    pub fn plant(&self) -> &Plant {
+        &self.plant
+    }
+
     /// The second half: what is left of the millisecond, under this duty.
     pub fn pass(&mut self, duty: &[f64]) {
         self.plant.advance(&duty[..self.joints], TICK_S - self.elapsed_s);

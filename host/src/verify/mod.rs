@@ -233,7 +233,7 @@ fn columns<'a>(recording: &'a Recording, t_s: &'a [f64], duty: &'a [Vec<f64>]) -
     }
 }
 
-fn check(model: &CalibratedModel, recording: &Recording) -> Result<(), VerifyError> {
+pub(crate) fn check(model: &CalibratedModel, recording: &Recording) -> Result<(), VerifyError> {
     let (calibrated, recorded) = (model.robot(), &recording.robot);
     if calibrated.name != recorded.name {
         return Err(VerifyError::DifferentRobot {

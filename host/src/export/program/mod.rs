@@ -7,8 +7,6 @@
 
 mod c;
 mod head;
-#[cfg(test)]
-pub(super) mod real;
 mod rust;
 mod slopes;
 mod text;

@@ -157,7 +157,7 @@ fn file(exported: &Exported<'_>, program: &Program, losses: &[Loss]) -> String {
     text += "\n/// The calibrated parameters.\npub fn calibrated<T: Real>() -> [T; PARAMETERS] {\n    CALIBRATED.map(T::of)\n}\n";
     functions(&mut text, program);
     text += &step(exported);
-    let real = include_str!("real.rs");
+    let real = observer::REAL_SOURCE;
     text += "\n/// Real numbers without the standard library.\npub mod real {\n";
     for line in real.lines() {
         let _ = writeln!(text, "{}", format!("    {line}").trim_end());

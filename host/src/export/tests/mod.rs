@@ -1,6 +1,6 @@
 mod compiled;
 mod files;
-mod fixtures;
+pub(crate) mod fixtures;
 mod mujoco;
 mod real;
 mod traced;

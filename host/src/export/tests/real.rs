@@ -1,6 +1,6 @@
 //! The functions that generated programs carry along, against the standard library's.
 
-use crate::export::program::real::Real;
+use observer::Real;
 
 fn at_most<T: Real>(name: &str, found: T, expected: T, relative: f64) {
     let (apart, size) = ((found - expected).abs(), expected.abs());

@@ -194,6 +194,14 @@ impl Plant {
         self.equations.layout.links(&self.state)[joint]
     }
 
+    /// q, q̇, θ and θ̇ of a joint, rad and rad/s or m and m/s. On a rigid joint, θ is q.
+    pub fn joint_state(&self, joint: usize) -> [f64; 4] {
+        let (link, motor) = self.equations.layout.speeds(joint);
+        let speed = self.state[link];
+        let motor_speed = motor.map_or(speed, |motor| self.state[motor]);
+        [self.link_position(joint), speed, self.motor_position(joint), motor_speed]
+    }
+
     /// What an encoder on this side of a joint would read without noise, rad or m.
     pub fn encoder(&self, side: Side, joint: usize) -> f64 {
         let now = match side {
