@@ -226,6 +226,34 @@ pub fn collinearity(scores: &BlockScores, of: &LawScore, by: &LawScore) -> f64 {
     if whole > 0.0 { (explained / whole).max(0.0).sqrt().min(1.0) } else { 0.0 }
 }
 
+/// Share of the score of `law` that is left beside `other`, both with the shared unknowns eliminated: (s − K_lo K_oo⁻¹ s_o)ᵀ K_l|o⁻¹ (…) over sᵀ K_ll⁻¹ s.
+pub fn score_left_beside(scores: &BlockScores, law: &LawScore, other: &LawScore) -> f64 {
+    let whitened = |a: &LawScore, b: &LawScore| {
+        let block = scores.information.view((a.columns.start, b.columns.start), (a.columns.len(), b.columns.len()));
+        a.whitening.transpose() * block * &b.whitening
+    };
+    let gradient = |a: &LawScore| {
+        let block = scores.information.view((a.columns.start, a.columns.start), (a.columns.len(), a.columns.len()));
+        -(a.whitening.transpose() * block * &a.step)
+    };
+    let (own, cross, theirs) = (whitened(law, law), whitened(law, other), whitened(other, other));
+    let (s, s_other) = (gradient(law), gradient(other));
+    let solved = |matrix: &DMatrix<f64>, right: &DMatrix<f64>| matrix.clone().svd(true, true).solve(right, 1e-9).ok();
+    let column = |v: &DVector<f64>| DMatrix::from_column_slice(v.len(), 1, v.as_slice());
+    let left = || {
+        let alone = solved(&own, &column(&s))?.column(0).dot(&s);
+        let beside = &s - (&cross * solved(&theirs, &column(&s_other))?).column(0);
+        let information = &own - &cross * solved(&theirs, &cross.transpose())?;
+        // Directions that the other law has as its own are left out: nothing is left along them.
+        let eigen = information.symmetric_eigen();
+        let seen = (0..eigen.eigenvalues.len()).filter(|i| eigen.eigenvalues[*i] > LEAST_INFORMATION);
+        let squares =
+            seen.map(|i| eigen.eigenvectors.column(i).dot(&beside).powi(2) / eigen.eigenvalues[i]).sum::<f64>();
+        (alone > 0.0).then(|| squares / alone)
+    };
+    left().unwrap_or(1.0)
+}
+
 #[cfg(test)]
 mod tests {
     use rand::SeedableRng;
@@ -335,5 +363,34 @@ mod tests {
         let laws = scored(&scores);
         assert!(collinearity(&scores, &laws[0], &laws[2]) > 0.999);
         assert!(collinearity(&scores, &laws[0], &laws[1]) < 0.2);
+    }
+
+    #[test]
+    fn beside_what_is_there_nothing_is_left_of_its_shadow_and_all_of_another_law() {
+        let mut scores = scores(3, &[0.5, 0.5], 0.0, 1);
+        // The third law is half of the first one and half of noise of its own.
+        let (a, own) = (scores.information[(0, 0)], scores.information[(2, 2)]);
+        let cross: Vec<f64> = (0..3).map(|i| scores.information[(0, i)] + scores.information[(2, i)]).collect();
+        let of_blocks: Vec<LawBlock> = (scores.laws[0].as_ref().unwrap().iter())
+            .zip(scores.laws[2].as_ref().unwrap())
+            .map(|(first, third)| LawBlock {
+                coupling: &first.coupling + &third.coupling,
+                // Columns of a block are nearly orthogonal.
+                information: &first.information + &third.information,
+                gradient: &first.gradient + &third.gradient,
+            })
+            .collect();
+        scores.laws[2] = Some(of_blocks);
+        for i in 0..2 {
+            scores.information[(2, i)] = cross[i];
+            scores.information[(i, 2)] = cross[i];
+        }
+        scores.information[(2, 2)] = a + own + 2.0 * scores.information[(0, 2)] - 2.0 * a;
+        scores.alone[2] = scores.information[(2, 2)];
+        let laws = scored(&scores);
+        let left = |law: usize, other: usize| score_left_beside(&scores, &laws[law], &laws[other]);
+        assert!(left(2, 0) < 0.1, "{}", left(2, 0));
+        assert!(left(1, 0) > 0.7, "{}", left(1, 0));
+        assert!(left(0, 0) < 1e-6, "{}", left(0, 0));
     }
 }

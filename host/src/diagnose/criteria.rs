@@ -49,7 +49,7 @@ pub const COLLINEAR: f64 = 0.9;
 /// Curves that gain less than this share of what the base model leaves unexplained have no line in the result; a law that gains less of what is explained with it is no finding.
 pub const LEAST_SHARE: f64 = 0.02;
 
-/// A law is named where it gains at least this share of what the best of the curves gains that stand for it, on its row or by [`COLLINEAR`] columns.
+/// A law is named where it gains at least this share of what the best of the curves gains that stand for it: they are on its row, or beside them less than this share of its score is left.
 pub const COVERED: f64 = 0.5;
 
 /// Rivals whose gains differ by less than this share are told apart by plausibility and parsimony.

@@ -20,8 +20,8 @@ use shapeless::Shapeless;
 use spline::Knots;
 use waves::Waves;
 
-use super::block_scores::{LawScore, collinearity, score_laws};
-use super::criteria::{COLLINEAR, LEVEL};
+use super::block_scores::{LawScore, score_laws, score_left_beside};
+use super::criteria::{COVERED, LEVEL};
 use super::significance::p_of_family;
 use crate::calibrate::{Bench, BlockScores, CalibrateError, JointState, Trial};
 use crate::effect::Row;
@@ -163,12 +163,14 @@ impl Ceiling {
         Ok(Ceiling { curves, scores, laws })
     }
 
-    /// The largest gain of a curve that is there for sure and stands for the law: it is on the law's row, or does what the law does to the residuals.
+    /// The largest gain of a curve that is there for sure and stands for the law: it is on the law's row, or beside it less than
+    /// half of the law's score is left.
     pub fn over(&self, law: usize, row: Row) -> f64 {
+        let own = self.laws.get(law).and_then(Option::as_ref);
         let stands = |curves: &&Curves| {
-            let own = self.laws.get(law).and_then(Option::as_ref);
-            curves.place.row() == row
-                || own.is_some_and(|own| collinearity(&self.scores, own, &curves.score) > COLLINEAR)
+            let left = own.map_or(1.0, |own| score_left_beside(&self.scores, own, &curves.score));
+            tracing::trace!(place = ?curves.place, left, gain = curves.gain(), "stands for the law?");
+            curves.place.row() == row || left < COVERED
         };
         let shown = self.curves.iter().filter(|curves| curves.p_family < LEVEL).filter(stands);
         shown.map(Curves::gain).fold(0.0, f64::max)
