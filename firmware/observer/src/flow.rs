@@ -2,7 +2,7 @@
 //!
 //! Both are Taylor series over 2ᵏ equal parts of the step, so many that no rate of A times a part is above one. What is left out is then below
 //! 1/720 of a response and 1/24 of a transition for the fastest component, and nothing grows that should decay. A has few entries (a
-//! position's rate is its speed), and products skip the zeros.
+//! position's rate is its speed), and the products of a transition's series skip the zeros.
 
 use crate::Real;
 
