@@ -67,6 +67,8 @@ fn the_diagnosis_names_the_late_encoders_and_points_to_the_robot_file_for_the_re
     let findings = diagnosis["findings"].as_array().unwrap();
     let first = &findings[0];
     assert_eq!(first["effect"], "encoder_lag", "{}", diagnosis["summary"]);
+    // Its rival makes the prediction run away and is rejected: the weight is the lag's.
+    assert!(first["weight"].as_f64().unwrap() >= 0.9, "{}", first["weight"]);
     assert_eq!(first["axes"], serde_json::json!([1, 2, 3]));
     // Measured: 99 %, and 2.82, 2.88, 2.75 ms.
     for joint in 1..=3 {

@@ -52,6 +52,17 @@ pub struct Accepted {
 }
 
 impl Accepted {
+    /// Leaves out rivals that the other motion has rejected: the weights of the others add up to one. One whose rivals had it all is the best of what is left.
+    pub fn leave_out_rivals(&mut self, is_rejected: impl Fn(&Rival) -> bool) {
+        let before = self.rivals.len();
+        self.rivals.retain(|rival| !is_rejected(rival));
+        if self.rivals.len() < before {
+            let all: f64 = self.weight + self.rivals.iter().map(|rival| rival.weight).sum::<f64>();
+            self.rivals.iter_mut().for_each(|rival| rival.weight /= all.max(f64::MIN_POSITIVE));
+            self.weight = if all > 0.0 { self.weight / all } else { 1.0 };
+        }
+    }
+
     pub(super) fn add_rival(&mut self, other: &Accepted) {
         if self.rivals.iter().all(|rival| rival.named.effect.id != other.named.effect.id) {
             let axes = axes_of_joints(&*other.named.law);
