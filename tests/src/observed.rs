@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use host::calibrate::{Calibration, Preset, calibrate};
-use host::observe::{Consistency, Sensors, Truth, observe};
+use host::observe::{Consistency, SETTLING_S, Sensors, Truth, observe};
 use host::recording::Recording;
 use host::robot::Robot;
 use host::simulate::{Direct, Options, SHORT_MOTION};
@@ -13,9 +13,6 @@ use host::verify::filter;
 use host::verify::system::Columns;
 use serde::{Deserialize, Serialize};
 use solve::levenberg::Settings;
-
-/// Time after the start that counts for no error, s.
-const SETTLING_S: f64 = 0.1;
 
 /// A robot.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]

@@ -24,18 +24,18 @@ impl Arguments {
     /// Reads the command line. `out` is the file unless it is given; `take` gets every `--name value` of the study's own, and says
     /// whether it understands it.
     ///
-    /// # Errors
-    /// What is wrong, for the user, with `usage`.
-    pub fn read(usage: &str, out: &str, mut take: impl FnMut(&str, &str) -> bool) -> Result<Self, String> {
+    /// None of one that is not understood; the user is told what is wrong, with `usage`.
+    pub fn read(usage: &str, out: &str, mut take: impl FnMut(&str, &str) -> bool) -> Option<Self> {
         let mut read = Self { first: 1, workers: 2, out: PathBuf::from(out) };
         let mut arguments = std::env::args().skip(1);
         while let Some(name) = arguments.next() {
             let value = arguments.next().unwrap_or_default();
             if !read.take(&name, &value) && !take(&name, &value) {
-                return Err(format!("`{name} {value}` is not understood\nusage: {usage}"));
+                eprintln!("`{name} {value}` is not understood\nusage: {usage}");
+                return None;
             }
         }
-        Ok(read)
+        Some(read)
     }
 
     fn take(&mut self, name: &str, value: &str) -> bool {

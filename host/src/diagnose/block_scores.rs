@@ -214,11 +214,14 @@ fn whitening(
     }))
 }
 
+/// Information of all blocks about the columns of two laws.
+fn information_of(scores: &BlockScores, a: &LawScore, b: &LawScore) -> DMatrix<f64> {
+    scores.information.view((a.columns.start, b.columns.start), (a.columns.len(), b.columns.len())).into_owned()
+}
+
 /// |cos| of the angle between what `of` does to the residuals at its step and the columns of `by`, both with the shared unknowns eliminated.
 pub fn collinearity(scores: &BlockScores, of: &LawScore, by: &LawScore) -> f64 {
-    let block = |a: &LawScore, b: &LawScore| {
-        scores.information.view((a.columns.start, b.columns.start), (a.columns.len(), b.columns.len())).into_owned()
-    };
+    let block = |a: &LawScore, b: &LawScore| information_of(scores, a, b);
     let cross = by.whitening.transpose() * block(by, of) * &of.step;
     let own = by.whitening.transpose() * block(by, by) * &by.whitening;
     let whole = of.step.dot(&(block(of, of) * &of.step));
@@ -228,14 +231,8 @@ pub fn collinearity(scores: &BlockScores, of: &LawScore, by: &LawScore) -> f64 {
 
 /// Share of the score of `law` that is left beside `other`, both with the shared unknowns eliminated: (s − K_lo K_oo⁻¹ s_o)ᵀ K_l|o⁻¹ (…) over sᵀ K_ll⁻¹ s.
 pub fn score_left_beside(scores: &BlockScores, law: &LawScore, other: &LawScore) -> f64 {
-    let whitened = |a: &LawScore, b: &LawScore| {
-        let block = scores.information.view((a.columns.start, b.columns.start), (a.columns.len(), b.columns.len()));
-        a.whitening.transpose() * block * &b.whitening
-    };
-    let gradient = |a: &LawScore| {
-        let block = scores.information.view((a.columns.start, a.columns.start), (a.columns.len(), a.columns.len()));
-        -(a.whitening.transpose() * block * &a.step)
-    };
+    let whitened = |a: &LawScore, b: &LawScore| a.whitening.transpose() * information_of(scores, a, b) * &b.whitening;
+    let gradient = |a: &LawScore| -(a.whitening.transpose() * information_of(scores, a, a) * &a.step);
     let (own, cross, theirs) = (whitened(law, law), whitened(law, other), whitened(other, other));
     let (s, s_other) = (gradient(law), gradient(other));
     let solved = |matrix: &DMatrix<f64>, right: &DMatrix<f64>| matrix.clone().svd(true, true).solve(right, 1e-9).ok();

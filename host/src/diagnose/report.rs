@@ -13,7 +13,7 @@ use super::result::{
     Candidate, ChannelGain, Defect, Diagnosis, Finding, Flag, HoldoutGain, NotTestable, Picture, Rejected, Rival,
     Unexplained, Verdict,
 };
-use super::selection::{Accepted, RivalLaw, Selection, losses, share};
+use super::selection::{Accepted, Selection, losses, share};
 use super::stability::{Stability, stability};
 use crate::calibrate::{Fit, ParameterEstimate};
 use crate::effect::{Effect, Role};
@@ -87,7 +87,7 @@ pub fn judge(
         let is_harmful = judged.all.as_ref().is_some_and(|all| all.ci95.is_some_and(|[_, high]| high < 0.0));
         let last = || judged.of_each.len().checked_sub(1).filter(|_| is_harmful);
         let Some(worst) = worst.or_else(unfit).or_else(last) else {
-            let is_rejected = |rival: &RivalLaw| rejected.iter().any(|r| r.effect == rival.named.effect.id);
+            let is_rejected = |effect: &Effect| rejected.iter().any(|rejected| rejected.effect == effect.id);
             selection.accepted.iter_mut().for_each(|accepted| accepted.leave_out_rivals(is_rejected));
             return (in_order(selection, judged), rejected);
         };

@@ -23,7 +23,7 @@ mod truth;
 pub use bytes::BytesError;
 pub use consistency::Consistency;
 pub use result::{Error, Event, Observation, RecordingObserved, StateEstimate, Status};
-pub use run::Estimates;
+pub use run::{Estimates, SETTLING_S};
 pub use table::Numbers;
 pub use truth::{Truth, TruthError};
 

@@ -9,7 +9,7 @@ use super::{Numbers, ObserveError};
 use crate::recording::Recording;
 
 /// Time after a start that counts for no consistency, s: the start is a guess.
-pub(super) const SETTLING_S: f64 = 0.1;
+pub const SETTLING_S: f64 = 0.1;
 
 /// A robot moves where a position that is read has gone further than its sensor's step in this time, s.
 const MOTION_S: f64 = 0.1;

@@ -21,13 +21,7 @@ fn main() -> ExitCode {
         "--process-noise" => value.parse().map(|n| process_noise = n).is_ok() && process_noise >= 0.0,
         _ => false,
     });
-    let Arguments { first, workers, out } = match understood {
-        Ok(arguments) => arguments,
-        Err(text) => {
-            eprintln!("{text}");
-            return ExitCode::from(2);
-        }
-    };
+    let Some(Arguments { first, workers, out }) = understood else { return ExitCode::from(2) };
     let outcomes = study(&out, first, runs, process_noise, workers, |done| eprint!("\r{done} of {runs}"));
     eprintln!();
     match outcomes {

@@ -28,13 +28,7 @@ fn main() -> ExitCode {
         "--effects" => value.parse().map(|seed| effects = Some(seed)).is_ok(),
         _ => false,
     });
-    let Arguments { first, workers, out } = match understood {
-        Ok(arguments) => arguments,
-        Err(text) => {
-            eprintln!("{text}");
-            return ExitCode::from(2);
-        }
-    };
+    let Some(Arguments { first, workers, out }) = understood else { return ExitCode::from(2) };
     let cases = match effects {
         Some(seed) => with_effects(seed),
         None => machines.iter().flat_map(|machine| healthy(*machine, first, robots)).collect(),

@@ -45,13 +45,7 @@ fn main() -> ExitCode {
         }),
         _ => false,
     });
-    let Arguments { first, workers, out } = match understood {
-        Ok(arguments) => arguments,
-        Err(text) => {
-            eprintln!("{text}");
-            return ExitCode::from(2);
-        }
-    };
+    let Some(Arguments { first, workers, out }) = understood else { return ExitCode::from(2) };
     if clean.is_some() && (only.is_some() || kind.is_some() || !effects.is_empty()) {
         eprintln!("where nothing is hidden there is no effect, no kind and no size to choose\nusage: {USAGE}");
         return ExitCode::from(2);

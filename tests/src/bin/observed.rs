@@ -22,13 +22,7 @@ fn main() -> ExitCode {
         "--process-noise" => value.parse().map(|size| process_noise = size).is_ok(),
         _ => false,
     });
-    let Arguments { first, workers, out } = match understood {
-        Ok(arguments) => arguments,
-        Err(text) => {
-            eprintln!("{text}");
-            return ExitCode::from(2);
-        }
-    };
+    let Some(Arguments { first, workers, out }) = understood else { return ExitCode::from(2) };
     let cases: Vec<Case> = (first..first + robots).map(|seed| Case { seed, process_noise }).collect();
     let outcomes = match study(&out, &cases, workers, |done| eprintln!("{done} of {}", cases.len())) {
         Ok(outcomes) => outcomes,

@@ -37,13 +37,7 @@ fn main() -> ExitCode {
         }),
         _ => false,
     });
-    let Arguments { first, workers, out } = match understood {
-        Ok(arguments) => arguments,
-        Err(text) => {
-            eprintln!("{text}");
-            return ExitCode::from(2);
-        }
-    };
+    let Some(Arguments { first, workers, out }) = understood else { return ExitCode::from(2) };
     let mut cases = cases(first, seeds);
     cases.retain(|case| family.is_none_or(|family| case.family == family));
     cases.retain(|case| kind.is_none_or(|kind| case.kind() == kind));

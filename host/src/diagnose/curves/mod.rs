@@ -168,9 +168,8 @@ impl Ceiling {
     pub fn over(&self, law: usize, row: Row) -> f64 {
         let own = self.laws.get(law).and_then(Option::as_ref);
         let stands = |curves: &&Curves| {
-            let left = own.map_or(1.0, |own| score_left_beside(&self.scores, own, &curves.score));
-            tracing::trace!(place = ?curves.place, left, gain = curves.gain(), "stands for the law?");
-            curves.place.row() == row || left < COVERED
+            let left = |own: &LawScore| score_left_beside(&self.scores, own, &curves.score);
+            curves.place.row() == row || own.is_some_and(|own| left(own) < COVERED)
         };
         let shown = self.curves.iter().filter(|curves| curves.p_family < LEVEL).filter(stands);
         shown.map(Curves::gain).fold(0.0, f64::max)

@@ -16,7 +16,7 @@ mod state;
 mod tried;
 
 pub use backward::losses;
-pub use state::{Accepted, Rival as RivalLaw, Selection, share};
+pub use state::{Accepted, Selection, share};
 pub use tried::first_refits;
 
 use backward::{drop_superfluous, exchange};

@@ -5,6 +5,7 @@ use super::super::block_scores::LawScore;
 use super::super::catalogue::Named;
 use super::super::interval::{Gain, bca};
 use super::super::refit::Fitted;
+use crate::effect::Effect;
 
 /// What the scan says of an effect: of its best start.
 #[derive(Debug, Clone)]
@@ -53,9 +54,9 @@ pub struct Accepted {
 
 impl Accepted {
     /// Leaves out rivals that the other motion has rejected: the weights of the others add up to one. One whose rivals had it all is the best of what is left.
-    pub fn leave_out_rivals(&mut self, is_rejected: impl Fn(&Rival) -> bool) {
+    pub fn leave_out_rivals(&mut self, is_rejected: impl Fn(&Effect) -> bool) {
         let before = self.rivals.len();
-        self.rivals.retain(|rival| !is_rejected(rival));
+        self.rivals.retain(|rival| !is_rejected(rival.named.effect));
         if self.rivals.len() < before {
             let all: f64 = self.weight + self.rivals.iter().map(|rival| rival.weight).sum::<f64>();
             self.rivals.iter_mut().for_each(|rival| rival.weight /= all.max(f64::MIN_POSITIVE));
