@@ -126,11 +126,9 @@ pub fn diagnose(
     let mut selection = selection::select(&refit, on_bench, (&candidates, &clues), &plausibility, step)?;
 
     step("looking for curves");
-    let (bench, samples) = (&refit.bench, refit.bench.series().stages());
     let thinned = |trial: &Trial| {
-        let (bench, trial) = bench.thinned(trial, refit.samples(criteria::SCAN_SAMPLES) / BLOCKS);
+        let (bench, trial, more) = refit.thinned(trial);
         let contiguous = bench.is_contiguous();
-        let more = samples as f64 / bench.series().stages().max(1) as f64;
         (curves::Ceiling::of(&bench, &trial, &contiguous, &[]).map(|c| c.curves).unwrap_or_default(), more)
     };
     let (first_curves, _) = thinned(&selection.base.trial);
@@ -149,7 +147,7 @@ pub fn diagnose(
         if selection.accepted.is_empty() { (first_curves.clone(), 1.0) } else { thinned(&selection.current.trial) };
 
     step("calibrating the extended model");
-    let extended = extended(robot, &fitted, &base, (&selection, bench), settings);
+    let extended = extended(robot, &fitted, &base, (&selection, &refit.bench), settings);
     let holdout = holdout.map(|recording| recording.source.path.display().to_string());
     let evidence =
         Evidence { refit: &refit, plausibility: &plausibility, selection: &selection, first_curves, left, scale };

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::axes::is_of;
 use super::block_scores::left_out;
 use super::catalogue::{Named, laws};
-use super::criteria::STATES;
+use super::criteria::{BLOCKS, SCAN_SAMPLES, STATES};
 use super::cross_validation::log_gain;
 use crate::calibrate::{Bench, BlockFit, CalibrateError, Trial, Trimmed};
 use crate::model::law::Law;
@@ -112,6 +112,13 @@ impl Refit<'_> {
     /// How many samples suit a robot with so many states.
     pub fn samples(&self, of_doggy: usize) -> usize {
         samples_for(self.bench.states(), of_doggy)
+    }
+
+    /// The bench of a scan and the model there, and how many samples of the whole bench each of its samples stands for.
+    pub fn thinned(&self, trial: &Trial) -> (Bench<'_>, Trial, f64) {
+        let (bench, trial) = self.bench.thinned(trial, self.samples(SCAN_SAMPLES) / BLOCKS);
+        let more = self.bench.series().stages() as f64 / bench.series().stages().max(1) as f64;
+        (bench, trial, more)
     }
 
     /// The same model with every block weighted by what it leaves there, so that what is estimated is what gains are measured by: the largest of Σ n ln(1 / cost) over

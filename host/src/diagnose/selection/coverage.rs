@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::super::criteria::{BLOCKS, COVERED, SCAN_SAMPLES};
+use super::super::criteria::COVERED;
 use super::super::curves::Ceiling;
 use super::super::refit::Refit;
 use super::scan::Scan;
@@ -20,12 +20,11 @@ pub(super) struct Covered {
 
 impl Covered {
     pub(super) fn of(refit: &Refit<'_>, selection: &Selection, scan: &Scan, tried: &[Tried]) -> Self {
-        let (bench, trial) = refit.bench.thinned(&selection.current.trial, refit.samples(SCAN_SAMPLES) / BLOCKS);
+        let (bench, trial, more) = refit.thinned(&selection.current.trial);
         let scanned = scan.scanned.iter().filter(|s| tried.iter().any(|t| t.named.effect.id == s.named.effect.id));
         let (ids, laws): (Vec<&'static str>, Vec<Arc<dyn Law>>) =
             scanned.map(|s| (s.named.effect.id, s.named.law.clone())).unzip();
         let ceiling = Ceiling::of(&bench, &trial, &bench.is_contiguous(), &laws);
-        let more = refit.bench.series().stages() as f64 / bench.series().stages().max(1) as f64;
         let ceiling = ceiling.inspect_err(|error| tracing::debug!(%error, "no curve can be fitted")).ok();
         Covered { ceiling, ids, more }
     }

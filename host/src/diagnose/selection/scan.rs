@@ -5,7 +5,6 @@ use std::sync::Arc;
 use super::super::axes::axes_of_step;
 use super::super::block_scores::score_laws;
 use super::super::catalogue::{Candidate, Named};
-use super::super::criteria::{BLOCKS, SCAN_SAMPLES};
 use super::super::events::{at_worst_times, p_of_event};
 use super::super::refit::Refit;
 use super::super::significance::p_of_family;
@@ -26,7 +25,7 @@ pub(super) struct Scan {
 
 pub(super) fn scan(refit: &Refit<'_>, selection: &Selection, candidates: &[Candidate]) -> Result<Scan, CalibrateError> {
     let current = &selection.current.trial;
-    let (bench, trial) = refit.bench.thinned(current, refit.samples(SCAN_SAMPLES) / BLOCKS);
+    let (bench, trial, _) = refit.thinned(current);
     let is_in = |effect: &Effect| selection.accepted.iter().any(|accepted| accepted.named.effect.id == effect.id);
     let mut named: Vec<Named> = Vec::new();
     for candidate in candidates.iter().filter(|candidate| !is_in(candidate.effect)) {
