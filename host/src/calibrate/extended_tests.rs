@@ -2,8 +2,11 @@
 
 use rand::{RngExt, SeedableRng, rngs::StdRng};
 
-use super::series::Series;
-use super::{Preset, Problem, extension, start};
+use super::data::series::Series;
+use super::extension::laws;
+use super::initial_guess::start;
+use super::residuals::preset::Preset;
+use super::residuals::problem::Problem;
 use crate::effect::{CATALOGUE, Effect, EffectError};
 use crate::model::Model;
 use crate::robot::Robot;
@@ -35,7 +38,7 @@ const NULL_AT_START: [&str; 21] = [
 ];
 
 /// All whitened rows of stage k, its transition behind them: `[∂r/∂x | ∂r/∂p | r]`.
-fn rows<'m>(problem: &Problem<'m>, point: &super::Point<'m>, k: usize) -> Vec<Vec<f64>> {
+fn rows<'m>(problem: &Problem<'m>, point: &super::residuals::point::Point<'m>, k: usize) -> Vec<Vec<f64>> {
     let mut batch = vec![Stage::empty(problem.shape()); 4];
     problem.linearise(point, k / 4 * 4, &mut problem.scratch(), &mut batch);
     let mut rows = batch[k % 4].dense_rows();
@@ -56,7 +59,7 @@ fn rows_under_every_law_have_the_slopes_of_differences() {
             let Some(model) = with_law(&robot, effect) else { continue };
             suited += 1;
             let series = Series::made_up(&robot, 12, 3);
-            let assumptions = extension::assumptions(model.laws(), Preset::Default);
+            let assumptions = laws::assumptions(model.laws(), Preset::Default);
             let mut problem = Problem::new(&model, &robot, &series, assumptions);
             let mut shared = start::shared(&model, &robot, &series);
             let mut rng = StdRng::seed_from_u64(3);
@@ -136,7 +139,7 @@ fn four_stages_at_once_are_those_of_the_generic_walk_under_every_law_that_the_ke
         };
         let model = Model::extended(&robot, laws).unwrap();
         for preset in [Preset::Default, Preset::Paper] {
-            let assumptions = || extension::assumptions(model.laws(), preset);
+            let assumptions = || laws::assumptions(model.laws(), preset);
             let fast = Problem::new(&model, &robot, &series, assumptions());
             if fast.fast.is_none() {
                 assert!(effects.len() == 1, "{ids:?} is not covered");

@@ -7,25 +7,34 @@
 
 use std::time::{Duration, Instant};
 
-use super::bench::Bench;
-use super::extension::Known;
-use super::noise::Noise;
-use super::outliers::Screened;
-use super::point::Point;
-use super::preset::{Method, NoiseSource, Preset};
-use super::problem::Problem;
-use super::reml::{self, Residue};
-use super::result::{BlockScatter, Calibration, Seconds, Status};
+use super::data::series::Series;
+use super::error::CalibrateError;
+use super::extension::bench::Bench;
+use super::extension::laws;
+use super::extension::trial::Trial;
+use super::extension::trimmed::Trimmed;
+use super::extension::warm_start;
+use super::extension::warm_start::Known;
+use super::identifiability::observability;
+use super::initial_guess::start;
+use super::noise_estimate::outliers::Screened;
+use super::noise_estimate::reml::{self, Residue};
+use super::requirements::check;
+use super::residuals::noise::Noise;
+use super::residuals::point::Point;
+use super::residuals::preset::{Method, NoiseSource, Preset};
+use super::residuals::problem::Problem;
+use super::result::calibration::{BlockScatter, Calibration, Seconds, Status};
+use super::result::fitted::Fit;
+use super::result::misfit;
+use super::result::summary;
+use super::scatter;
+use super::search::marginal;
 use super::search::{self, Found};
-use super::series::Series;
-use super::trial::Trial;
-use super::trimmed::Trimmed;
-use super::{CalibrateError, check, extension, marginal, misfit, observability, scatter, start, summary};
 use crate::effect::Effect;
-use crate::model::{Layout, Model};
+use crate::model::Model;
 use crate::recording::Recording;
 use crate::robot::Robot;
-use solve::LeastSquares;
 use solve::border::Border;
 use solve::levenberg::{Iteration, Settings};
 
@@ -47,36 +56,6 @@ const MOST_SIFTINGS: usize = 3;
 
 /// Readings are moved by whole samples at most so often.
 const MOST_SHIFTS: usize = 4;
-
-/// A calibration, and what a further search can start from.
-#[derive(Debug, Clone)]
-pub struct Fit {
-    /// The result.
-    pub calibration: Calibration,
-    /// What the rows were weighted by in the end.
-    pub noise: Noise,
-    /// The samples, without outliers.
-    pub series: Series,
-    /// All states, `[k · size + i]`.
-    pub(super) states: Vec<f64>,
-    /// What the components of a state are.
-    pub(super) layout: Layout,
-}
-
-impl Fit {
-    /// ½ Σ r² of every sample at the end of the search, under the noise that was found.
-    ///
-    /// # Errors
-    /// A model that cannot be built.
-    pub fn costs(&self, robot: &Robot, settings: &Settings) -> Result<Vec<f64>, CalibrateError> {
-        let model = Model::new(robot);
-        let mut problem = extension::problem(&model, robot, &self.series, self);
-        let point = extension::warm_start(&problem, robot, &self.series, &extension::known(self), settings);
-        problem.shift_readings(&point.z);
-        let mut scratch = problem.scratch();
-        Ok((0..self.series.stages()).map(|k| problem.cost(&point, k..k + 1, &mut scratch)).collect())
-    }
-}
 
 /// Calibrates `robot` on recordings of it, by a [`Preset`] or a [`Method`]. `progress` is called once an iteration.
 ///
@@ -135,7 +114,7 @@ pub fn extend<S: AsRef<str>>(
     settings: &Settings,
     progress: impl FnMut(usize, &Iteration),
 ) -> Result<Fit, CalibrateError> {
-    let effects = extension::effects(ids)?;
+    let effects = laws::effects(ids)?;
     if effects.is_empty() {
         return Ok(from.clone());
     }
@@ -158,7 +137,7 @@ pub fn extend_as<S: AsRef<str>>(
     progress: impl FnMut(usize, &Iteration),
 ) -> Result<Fit, CalibrateError> {
     let tried = Some((trial, bench));
-    let extended = Extended { robot, recordings, from, effects: extension::effects(ids)?, tried };
+    let extended = Extended { robot, recordings, from, effects: laws::effects(ids)?, tried };
     extended.fit(settings, progress)
 }
 
@@ -191,16 +170,16 @@ impl Extended<'_> {
             }
             None => {
                 let laws;
-                (laws, trimmed) = extension::choose_laws(robot, series, &self.effects, from, settings)?;
-                (laws, trimmed.as_ref().map_or_else(|| extension::known(from), Trimmed::known))
+                (laws, trimmed) = laws::choose_laws(robot, series, &self.effects, from, settings)?;
+                (laws, trimmed.as_ref().map_or_else(|| warm_start::known(from), Trimmed::known))
             }
         };
         let model = Model::extended(robot, laws)?;
         let method = Method { preset, noise: from.calibration.noise_source };
         let spent = clock.elapsed();
         let mut solve = |tight: bool| {
-            let problem = extension::problem(&model, robot, series, from);
-            let start = extension::warm_start(&problem, robot, series, &known, settings);
+            let problem = laws::problem(&model, robot, series, from);
+            let start = warm_start::warm_start(&problem, robot, series, &known, settings);
             let tight = self.tried.filter(|_| tight).map(|(_, bench)| bench.noise_of(&problem));
             let task = Task { robot, recordings, method, begin, start: spent, settings, tight };
             task.solve(problem, &screened, start, &mut progress)

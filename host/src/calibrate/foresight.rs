@@ -8,7 +8,15 @@ use crate::robot::{Robot, Transmission};
 use solve::border::Border;
 use solve::levenberg::Settings;
 
-use super::{CalibrateError, Preset, Problem, Series, Unobservable, identify, observability, start, summary};
+use super::data::series::Series;
+use super::error::CalibrateError;
+use super::identifiability::identify;
+use super::identifiability::observability;
+use super::identifiability::observability::Unobservable;
+use super::initial_guess::start;
+use super::residuals::preset::Preset;
+use super::residuals::problem::Problem;
+use super::result::summary;
 
 /// What a calibration can be expected to say.
 #[derive(Debug, Clone, PartialEq)]
@@ -37,7 +45,7 @@ pub struct Expected {
 /// # Errors
 /// As a calibration's own.
 pub fn foresee(robot: &Robot, recording: &Recording) -> Result<Foresight, CalibrateError> {
-    super::check(robot, &[recording], Preset::Default)?;
+    super::requirements::check(robot, &[recording], Preset::Default)?;
     let model = Model::new(robot);
     let series = Series::of(robot, &[recording]);
     let problem = Problem::new(&model, robot, &series, Preset::Default.assumptions());

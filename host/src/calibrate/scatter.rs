@@ -12,9 +12,9 @@ use std::ops::Range;
 
 use nalgebra::{DMatrix, DVector};
 
-use super::blocks::{NoColumns, taken};
-use super::point::Point;
-use super::problem::Problem;
+use super::extension::blocks::{NoColumns, taken};
+use super::residuals::point::Point;
+use super::residuals::problem::Problem;
 use crate::robot::Robot;
 use solve::border::Border;
 use solve::columns::{BlockSums, block_sums};

@@ -2,9 +2,12 @@
 
 use rand::{RngExt, SeedableRng, rngs::StdRng};
 
-use super::observability::comparable_misalignments;
-use super::series::Series;
-use super::{Point, Preset, Problem, start};
+use super::data::series::Series;
+use super::identifiability::observability::comparable_misalignments;
+use super::initial_guess::start;
+use super::residuals::point::Point;
+use super::residuals::preset::Preset;
+use super::residuals::problem::Problem;
 use crate::model::Model;
 use crate::robot::Robot;
 use solve::{BATCH, LeastSquares, Stage, Step};

@@ -10,7 +10,8 @@ use std::sync::Arc;
 use nalgebra::{Matrix3, Vector3};
 
 use super::VerifyError;
-use crate::calibrate::{Calibration, Preset, Trial, extension};
+use crate::calibrate::extension::laws;
+use crate::calibrate::{Calibration, Preset, Trial};
 use crate::model::fast::{Fast, StepQuads};
 use crate::model::law::Law;
 use crate::model::rotation::boxplus;
@@ -57,8 +58,8 @@ impl CalibratedModel {
                 None => (0..recordings).map(|i| own(name, i)).sum::<Option<f64>>().map(|sum| sum / recordings as f64),
             })
         };
-        let laws = extension::laws_of(&robot, &calibration.extensions, value)?;
-        let integrator = extension::integrator(&laws, calibration.preset);
+        let laws = laws::laws_of(&robot, &calibration.extensions, value)?;
+        let integrator = laws::integrator(&laws, calibration.preset);
         let model = predicting(&robot, laws)?;
         Self::of_model(robot, model, integrator, value)
     }
@@ -71,7 +72,7 @@ impl CalibratedModel {
         let model = predicting(robot, trial.laws.clone())?;
         let value = |name: &str| trial.value(name).map(|value| value.estimate);
         let (rotations, biases) = trial.gyros();
-        let integrator = extension::integrator(&trial.laws, preset);
+        let integrator = laws::integrator(&trial.laws, preset);
         let gyros = robot.gyros().count();
         let of_gyros =
             |name: &str| (gyros > 0 && (name.starts_with("bias") || name.starts_with("R_imu"))).then_some(0.0);

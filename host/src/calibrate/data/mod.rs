@@ -1,0 +1,4 @@
+//! The samples of recordings as one chain of stages, with the instants of readings.
+
+pub(crate) mod series;
+pub(crate) mod stamps;

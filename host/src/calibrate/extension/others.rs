@@ -1,0 +1,123 @@
+//! What a trial's parameters cost on samples that it was not fitted to.
+
+use super::bench::Bench;
+use super::trial::{Trial, TrialValue};
+use super::warm_start::Known;
+use crate::calibrate::data::series::Series;
+use crate::calibrate::error::CalibrateError;
+use crate::calibrate::residuals::problem::Problem;
+use crate::model::Model;
+use solve::levenberg;
+
+impl Bench<'_> {
+    /// A bench for the same models on other samples of the robot, under the same noise. It knows of no direction that its samples
+    /// do not determine.
+    pub fn of_others(&self, series: Series) -> Self {
+        Bench {
+            robot: self.robot,
+            block_starts: vec![0],
+            series,
+            noise: self.noise.clone(),
+            easy: self.easy.clone(),
+            layout: self.layout.clone(),
+            preset: self.preset,
+            weak: Vec::new(),
+            base_unknowns: self.base_unknowns,
+            settings: self.settings.clone(),
+        }
+    }
+
+    /// The model of a trial with what these samples have of their own: states, biases, mountings, and the parameters of which `is_own` says so by their names.
+    /// All else stays. States start where a similar model on the same samples has them, `near`, if there is one.
+    ///
+    /// # Errors
+    /// A model that cannot be built or solved.
+    pub fn with_own(
+        &self,
+        trial: &Trial,
+        near: Option<&Trial>,
+        is_own: &dyn Fn(&str) -> bool,
+    ) -> Result<Trial, CalibrateError> {
+        let model = Model::extended(self.robot, trial.laws.clone())?;
+        let known = Known { states: &[], block_weights: &[], ..trial.known() };
+        let known = match near {
+            Some(near) => Known { states: &near.states, layout: &near.layout, laws: &near.laws, ..known },
+            None => known,
+        };
+        let (mut problem, mut start, mut held) = self.at(&model, &known);
+        held.extend(self.held_but(&model, &problem, is_own));
+        if near.is_none() {
+            start = self.eased(&mut problem, &start, &held).unwrap_or(start);
+        }
+        let point = levenberg::minimise(&problem, start, &held, &self.settings, |_, _| {})?.point;
+        let coordinates = model.coordinates();
+        let values = coordinates.names().zip(coordinates.to_physical(&point.z)).map(|((name, _), estimate)| {
+            let known = trial.value(name).cloned();
+            let unit = known.as_ref().map_or("", |value| value.unit);
+            known.map(|value| TrialValue { estimate, ..value }).unwrap_or(TrialValue {
+                name: name.to_string(),
+                unit,
+                estimate,
+                std_error: None,
+                vif: f64::NAN,
+            })
+        });
+        Ok(Trial {
+            values: values.collect(),
+            rotations: point.rotations,
+            biases: point.biases,
+            states: point.states,
+            layout: model.layout().clone(),
+            block_weights: Vec::new(),
+            ..trial.clone()
+        })
+    }
+
+    /// Directions of the border that hold all coordinates of the dynamics but those on which a result depends that is these samples' own.
+    fn held_but(&self, model: &Model, problem: &Problem<'_>, is_own: &dyn Fn(&str) -> bool) -> Vec<Vec<f64>> {
+        let (coordinates, size) = (model.coordinates(), problem.border().size());
+        let z = vec![1.0; coordinates.len()];
+        let mut free = vec![false; coordinates.len()];
+        for (i, _) in coordinates.names().enumerate().filter(|(_, (name, _))| is_own(name)) {
+            let (_, slopes) = coordinates.physical_and_slopes(&z, i);
+            slopes.iter().for_each(|(own, _)| free[*own] = true);
+        }
+        let held = (0..coordinates.len()).filter(|own| !free[*own]);
+        held.map(|own| (0..size).map(|i| f64::from(i == own)).collect()).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::calibrate::{Preset, fit};
+    use crate::robot::Robot;
+    use crate::simulate::{Direct, Options, SHORT_MOTION};
+    use solve::levenberg::Settings;
+
+    #[test]
+    fn what_is_a_recording_s_own_is_found_again_and_all_else_stays() {
+        let robot = Robot::builtin("doggy").unwrap();
+        let options = Options { seed: 3, ..Options::new(robot.clone()) };
+        let whole = Direct::record(&options, SHORT_MOTION).unwrap().recording;
+        let recording = whole.part(0..8_000.min(whole.len()));
+        let base = fit(&robot, &[&recording], Preset::Default, &Settings::default(), |_, _| {}).unwrap();
+        let noise = base.noise.clone();
+        let (bench, trial) =
+            Bench::new(&robot, (base.series.clone(), vec![0]), &base, noise, Settings::default()).unwrap();
+        let others = bench.of_others(base.series.clone());
+        let mut off = trial.clone();
+        let value = |trial: &Trial, name: &str| trial.value(name).unwrap().estimate;
+        for name in ["k_s[2]", "mu[1]"] {
+            off.values.iter_mut().find(|value| value.name == name).unwrap().estimate *= 1.01;
+        }
+        let found = others.with_own(&off, None, &|name| name == "k_s[2]").unwrap();
+        // rtol 1e-3: beside a friction that is 1 % off.
+        assert!((value(&found, "k_s[2]") / value(&trial, "k_s[2]") - 1.0).abs() < 1e-3);
+        // rtol 1e-12: it goes by its logarithm and back.
+        assert!((value(&found, "mu[1]") / value(&off, "mu[1]") - 1.0).abs() < 1e-12);
+        // rtol 1e-6: where it starts is no matter.
+        let again = others.with_own(&off, Some(&trial), &|name| name == "k_s[2]").unwrap();
+        assert!((value(&again, "k_s[2]") / value(&found, "k_s[2]") - 1.0).abs() < 1e-6);
+    }
+}

@@ -1,0 +1,118 @@
+//! Start values of a rigid robot: least squares of its parameters on the torques along filtered differences.
+//!
+//! Torques are linear in the parameters, so that the search begins at the same place whatever the robot file starts with. What the torques do not show keeps
+//! the file's value, and so does what they show to be impossible, as a negative inertia; the others are then found beside it. Elastic robots, and those
+//! whose torque constant is unknown, start as their file says.
+
+use crate::calibrate::data::series::Series;
+use crate::inverse_dynamics::{self, Motion, Readings, SHORTEST_RUN};
+use crate::model::Model;
+use crate::robot::{ChannelKind, Robot, Symbol};
+
+/// What the torques show.
+pub(crate) struct TorqueStart {
+    /// Solver coordinates of the base model.
+    pub z: Vec<f64>,
+    /// Root mean square of what is left of the torques, by joint, in the input's unit.
+    pub left: Vec<f64>,
+}
+
+/// The start for `model`, whose coordinates are those of the base model of `robot`; none where the method is not for this robot.
+pub(crate) fn of(model: &Model, robot: &Robot, series: &Series) -> Option<TorqueStart> {
+    let layout = model.layout();
+    let is_rigid = (0..layout.joints()).all(|joint| !layout.is_elastic(joint)) && layout.passive().next().is_none();
+    let unknown_torque = model.coordinates().iter().any(|c| matches!(c.spec.symbol, Symbol::KPwm | Symbol::KT));
+    if !is_rigid || unknown_torque || !model.laws().is_empty() || model.coordinates().is_empty() {
+        return None;
+    }
+    let readings: Option<Vec<Readings>> =
+        series.segments.iter().map(|run| readings(model, series, run.clone())).collect();
+    let readings: Vec<Readings> = readings?.into_iter().filter(|run| run.time_s.len() >= SHORTEST_RUN).collect();
+    let motion = Motion::of(&readings, inverse_dynamics::corner(&readings))?;
+    let exact = Model::new(&robot.clone().with_exact_input());
+    let start = model.coordinates().start();
+    let mut held = Vec::new();
+    loop {
+        let z = motion.identify(&exact, &start, &held).z;
+        let impossible: Vec<usize> = model
+            .coordinates()
+            .iter()
+            .enumerate()
+            .filter(|(i, c)| !z[*i].is_finite() || !c.spec.symbol.has_either_sign() && z[*i] <= 0.0)
+            .map(|(i, _)| i)
+            .filter(|i| !held.contains(i))
+            .collect();
+        if impossible.is_empty() {
+            let per_input = |joint: usize| {
+                let constant =
+                    robot.input.unit.torque_constant().and_then(|symbol| robot.joint_parameter(symbol, joint));
+                robot.input.scale * constant.map_or(1.0, |spec| spec.value.start)
+            };
+            let left = motion.missing_rms(&exact, &z).into_iter().enumerate();
+            let left: Vec<f64> = left.map(|(joint, torque)| torque / per_input(joint).abs()).collect();
+            tracing::debug!(corner = motion.corner(), ?z, ?left, "start from torques");
+            return Some(TorqueStart { z, left });
+        }
+        held.extend(impossible);
+    }
+}
+
+/// Positions and inputs of one run, with what no sensor read filled in along a line.
+fn readings(model: &Model, series: &Series, run: std::ops::Range<usize>) -> Option<Readings> {
+    let joints = model.layout().joints();
+    let start = model.coordinates().start();
+    let positions = (0..joints).map(|joint| {
+        let reads = |kind: ChannelKind| series.channels.iter().position(|channel| channel.kind == kind);
+        let values = |channel: usize| run.clone().map(move |k| series.measured(k)[channel]);
+        let link = || {
+            let channel = reads(ChannelKind::LinkPosition { joint })?;
+            Some(values(channel).map(|reading| model.link_position(joint, reading, &start)).collect())
+        };
+        let motor = reads(ChannelKind::MotorPosition { joint }).map(|channel| values(channel).collect::<Vec<f64>>());
+        filled(motor.or_else(link)?)
+    });
+    let mut time_s = 0.0;
+    let times = run.clone().map(|k| {
+        let now = time_s;
+        let step_s = series.duration_s(k);
+        time_s += if step_s.is_nan() { 0.0 } else { step_s };
+        now
+    });
+    Some(Readings {
+        positions: positions.collect::<Option<_>>()?,
+        inputs: (0..joints).map(|joint| run.clone().map(|k| series.input(k)[joint]).collect()).collect(),
+        time_s: times.collect(),
+    })
+}
+
+/// A column whose holes are bridged by lines; none where nothing was read.
+fn filled(mut column: Vec<f64>) -> Option<Vec<f64>> {
+    let first = column.iter().position(|value| value.is_finite())?;
+    let (mut last, value) = (first, column[first]);
+    column[..first].fill(value);
+    for k in first + 1..column.len() {
+        if !column[k].is_finite() {
+            continue;
+        }
+        let (from, to) = (column[last], column[k]);
+        for hole in last + 1..k {
+            column[hole] = from + (to - from) * (hole - last) as f64 / (k - last) as f64;
+        }
+        last = k;
+    }
+    let value = column[last];
+    column[last + 1..].fill(value);
+    Some(column)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::filled;
+
+    #[test]
+    fn holes_are_bridged_by_lines() {
+        let nan = f64::NAN;
+        assert_eq!(filled(vec![nan, 1.0, nan, nan, 4.0, nan]), Some(vec![1.0, 1.0, 2.0, 3.0, 4.0, 4.0]));
+        assert_eq!(filled(vec![nan, nan]), None);
+    }
+}

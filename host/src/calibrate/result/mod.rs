@@ -1,0 +1,7 @@
+//! What a calibration says: estimates, errors, fit, and whether the model fits.
+
+pub(crate) mod calibration;
+pub(crate) mod channels;
+pub(crate) mod fitted;
+pub(crate) mod misfit;
+pub(crate) mod summary;
