@@ -1,6 +1,6 @@
 //! Which results belong to an effect, and the joints in which it shows.
 
-use super::block_scores::LawScore;
+use super::scores::block_scores::LawScore;
 use crate::calibrate::{Trial, TrialValue};
 use crate::effect::Effect;
 use crate::model::law::{Law, Of};

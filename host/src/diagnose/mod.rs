@@ -11,14 +11,10 @@
 //! Every objection is a number or a flag on a finding; none deletes another finding.
 
 mod axes;
-mod base_fit;
-mod block_scores;
 mod blocks;
 mod catalogue;
 pub mod criteria;
-mod cross_validation;
 mod curves;
-mod events;
 mod holdout;
 mod interval;
 mod margin;
@@ -27,31 +23,31 @@ mod refit;
 mod report;
 mod result;
 mod rivals;
+mod scores;
 mod selection;
-mod significance;
-mod stability;
 mod stretch;
 mod yardstick;
 
-pub use base_fit::AT_NOISE;
-pub use block_scores::{LawScore, score_laws};
 pub use criteria::LEVEL;
 pub use interval::Gain;
 pub use margin::margin;
+pub use report::base_fit::AT_NOISE;
 pub use result::{
     BaseFit, Candidate, ChannelFit, ChannelGain, Defect, Diagnosis, Finding, Flag, HoldoutGain, HorizonGain,
     NotTestable, OverTime, Picture, Rejected, Rival, Unexplained, Verdict,
 };
-pub use significance::p_of_family;
-pub use stability::Stability;
+pub use scores::block_scores::{LawScore, score_laws};
+pub use scores::significance::p_of_family;
+pub use scores::stability::Stability;
 pub use stretch::Stretch;
 pub use yardstick::yardstick;
 
 use criteria::{BLOCKS, LEAST_BLOCK, SAMPLES, WORST_BLOCKS};
-use holdout::Holdout;
+use holdout::{Holdout, judge};
 use plausibility::Plausibility;
 use refit::{Fitted, Refit, samples_for};
 use report::Evidence;
+use scores::events;
 use selection::Selection;
 
 use crate::calibrate::{Bench, CalibrateError, Fit, Method, Preset, Trial, extend_as, fit};
@@ -142,7 +138,7 @@ pub fn diagnose(
             tracing::debug!(%error, "nothing takes the place of what was rejected");
         }
     };
-    let (judged, rejected) = report::judge(&refit, &unseen, &mut selection, &grow);
+    let (judged, rejected) = judge::judge(&refit, &unseen, &mut selection, &grow);
     let (left, scale) =
         if selection.accepted.is_empty() { (first_curves.clone(), 1.0) } else { thinned(&selection.current.trial) };
 

@@ -3,10 +3,10 @@
 use std::sync::Arc;
 
 use super::axes::is_of;
-use super::block_scores::left_out;
 use super::catalogue::{Named, laws};
 use super::criteria::{BLOCKS, SCAN_SAMPLES, STATES};
-use super::cross_validation::log_gain;
+use super::scores::block_scores::left_out;
+use super::scores::cross_validation::log_gain;
 use crate::calibrate::{Bench, BlockFit, CalibrateError, Trial, Trimmed};
 use crate::model::law::Law;
 

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::interval::Gain;
-use super::stability::Stability;
+use super::scores::stability::Stability;
 use crate::calibrate::{Calibration, ParameterEstimate};
 use crate::effect::Row;
 

@@ -1,36 +1,14 @@
-//! The derivatives of one drive with its laws, by the dozen local variables that it depends on.
-//!
-//! ```text
-//! lanes of joint i   | q q̇ θ θ̇ | seven coefficients | supply voltage | parameters of laws | own states of laws | error of the input |
-//! ```
+//! The derivatives of one drive with its laws by its local variables, see [`lanes`](super::lanes).
 
 use super::Input;
 use super::drive::{Action, Coefficients, JointLaws, Sides};
 use super::dynamics::Dynamics;
+use super::lanes::{BASE, COEFFICIENTS, Drives, FEW_VARIABLES, MOST_VARIABLES, OWN, SOME_VARIABLES, VOLTS};
 use super::law::{Asked, FEW, MANY, SOME};
 use super::quantity::variable;
 use crate::robot::Transmission;
 use crate::robot::chain::Lanes;
 use solve::simd::compiled_for_this_machine;
-
-/// Lanes: four sides of a transmission and its seven coefficients are all that the base law of one drive depends on …
-pub(super) const COEFFICIENTS: usize = 4;
-pub(super) const BASE: usize = COEFFICIENTS + Coefficients::<f64>::COUNT;
-/// … laws depend on the supply and on their own.
-pub(super) const VOLTS: usize = BASE;
-pub(super) const OWN: usize = VOLTS + 1;
-
-/// Most parameters and states of laws at one joint.
-pub(super) const MOST_VARIABLES: usize = MANY - OWN;
-/// As many of them need few lanes, or some.
-pub(super) const FEW_VARIABLES: usize = FEW - OWN;
-/// See there.
-pub(super) const SOME_VARIABLES: usize = SOME - OWN;
-
-/// The action of one drive with derivatives by so many lanes.
-pub(super) trait Drives<const N: usize, const V: usize> {
-    fn drive(&self, i: usize, x: &[f64], input: &Input<'_>, volts: f64, rates: &mut [Lanes<N>; V]) -> Action<Lanes<N>>;
-}
 
 impl Drives<BASE, 0> for Dynamics<'_> {
     fn drive(

@@ -21,6 +21,7 @@ pub mod fast;
 mod inertia;
 mod input;
 mod integrator;
+mod lanes;
 pub mod law;
 mod laws;
 mod links;
@@ -102,7 +103,7 @@ impl Model {
         let coordinates = Coordinates::of(robot, &laws);
         let (chain, links) = laws::links(robot, &laws, &coordinates)?;
         let model = Self::of(robot, laws, chain, links);
-        let (got, most) = (model.laws.most_variables(), local::MOST_VARIABLES);
+        let (got, most) = (model.laws.most_variables(), lanes::MOST_VARIABLES);
         if got > most { Err(ModelError::TooManyVariables { got, most }) } else { Ok(model) }
     }
 

@@ -7,7 +7,7 @@
 use super::Model;
 use super::drive::{JointLaws, Sides};
 use super::expression::Expression;
-use super::local::MOST_VARIABLES;
+use super::lanes::MOST_VARIABLES;
 use super::quantity::Quantity;
 use crate::robot::Transmission;
 use crate::robot::chain::MAX_JOINTS;

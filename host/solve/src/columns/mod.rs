@@ -14,10 +14,12 @@
 
 mod blocks;
 mod solution;
+mod sums;
 mod sweep;
 
-pub use blocks::{BlockSums, block_sums};
+pub use blocks::block_sums;
 pub use solution::{Solutions, solve};
+pub use sums::BlockSums;
 
 use nalgebra::{DMatrix, DVector};
 

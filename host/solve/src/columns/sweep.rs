@@ -6,7 +6,7 @@ use super::super::kernel::{self, Add, Change, Rows, Subtract, Sums, groups};
 use super::super::shape::{BATCH, Columns};
 use super::super::stage::Stage;
 use super::super::threads::both;
-use super::blocks::BlockSums;
+use super::sums::BlockSums;
 use super::{Entries, ExtraColumns, Reduced};
 use crate::simd::{LANES, Quad, Simd, Work, vectorised};
 

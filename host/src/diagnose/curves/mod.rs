@@ -20,9 +20,9 @@ use shapeless::Shapeless;
 use spline::Knots;
 use waves::Waves;
 
-use super::block_scores::{LawScore, score_laws, score_left_beside};
 use super::criteria::{COVERED, LEVEL};
-use super::significance::p_of_family;
+use super::scores::block_scores::{LawScore, score_laws, score_left_beside};
+use super::scores::significance::p_of_family;
 use crate::calibrate::{Bench, BlockScores, CalibrateError, JointState, Trial};
 use crate::effect::Row;
 use crate::model::law::{Hook, Law, Of};

@@ -5,7 +5,7 @@ use super::super::criteria::LEVEL;
 use super::super::interval::standard_error;
 use super::super::plausibility::Plausibility;
 use super::super::refit::Refit;
-use super::super::significance::{p_of_both, p_of_family, p_of_gains};
+use super::super::scores::significance::{p_of_both, p_of_family, p_of_gains};
 use super::state::{Loss, Selection, share};
 use crate::calibrate::CalibrateError;
 

@@ -1,10 +1,10 @@
 //! The choice among refits: what is supported, and which of those that explain the same.
 
-use super::super::block_scores::collinearity;
 use super::super::criteria::{COLLINEAR, IMPLAUSIBLE, LEVEL};
 use super::super::plausibility::Plausibility;
 use super::super::refit::Fitted;
 use super::super::rivals::{Contender, best, weights};
+use super::super::scores::block_scores::collinearity;
 use super::scan::Scan;
 use super::state::{Accepted, Rival, share};
 use super::tried::Tried;

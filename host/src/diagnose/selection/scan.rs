@@ -3,11 +3,11 @@
 use std::sync::Arc;
 
 use super::super::axes::axes_of_step;
-use super::super::block_scores::score_laws;
 use super::super::catalogue::{Candidate, Named};
-use super::super::events::{at_worst_times, p_of_event};
 use super::super::refit::Refit;
-use super::super::significance::p_of_family;
+use super::super::scores::block_scores::score_laws;
+use super::super::scores::events::{at_worst_times, p_of_event};
+use super::super::scores::significance::p_of_family;
 use super::state::{Scanned, Selection};
 use crate::calibrate::{BlockScores, CalibrateError};
 use crate::effect::Effect;

@@ -1,10 +1,10 @@
 //! What a selection holds: the accepted causes with their rivals, and the models with and without them.
 
 use super::super::axes::axes_of_joints;
-use super::super::block_scores::LawScore;
 use super::super::catalogue::Named;
 use super::super::interval::{Gain, bca};
 use super::super::refit::Fitted;
+use super::super::scores::block_scores::LawScore;
 use crate::effect::Effect;
 
 /// What the scan says of an effect: of its best start.

@@ -1,12 +1,12 @@
 //! Refits of what the scan shows best.
 
 use super::super::axes::axes_of_joints;
-use super::super::block_scores::{LawScore, collinearity};
 use super::super::catalogue::{Candidate, Named};
 use super::super::criteria::{COLLINEAR, LEAST_OF_BEST, LEVEL, PROMISING, REFITTED, RIVALS_REFITTED, SIEVE};
-use super::super::events::{p_of_event, timed};
 use super::super::refit::{Fitted, Refit};
-use super::super::significance::{p_of_both, p_of_family, p_of_gains, p_of_score};
+use super::super::scores::block_scores::{LawScore, collinearity};
+use super::super::scores::events::{p_of_event, timed};
+use super::super::scores::significance::{p_of_both, p_of_family, p_of_gains, p_of_score};
 use super::enough::cost_that_matters;
 use super::scan::{Scan, scan};
 use super::state::{Scanned, Selection};

@@ -33,6 +33,7 @@ mod join;
 mod mapping_tests;
 pub(super) mod rate;
 mod rows;
+mod samples;
 mod table;
 #[cfg(test)]
 mod tests;
@@ -87,6 +88,6 @@ pub fn parse(
             (rows, ignored, Vec::new())
         }
     };
-    let recording = rows.recording(robot, bytes, path, empty_inputs, &mut notes)?;
+    let recording = samples::recording(rows, robot, bytes, path, empty_inputs, &mut notes)?;
     Ok(Imported { recording, ignored, notes })
 }

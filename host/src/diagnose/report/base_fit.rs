@@ -1,7 +1,7 @@
 //! Does the base model fit at all? Only where it does may a diagnosis say that nothing is missing.
 
-use super::result::{BaseFit, ChannelFit};
 use crate::calibrate::Calibration;
+use crate::diagnose::result::{BaseFit, ChannelFit};
 
 /// Predictions within so many standard deviations of a sensor are at its own noise: a half more than the noise of the reading itself, which the state that they start from adds.
 pub const AT_NOISE: f64 = 1.5;

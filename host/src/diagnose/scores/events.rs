@@ -9,9 +9,9 @@
 use std::sync::Arc;
 
 use super::block_scores::score_laws;
-use super::catalogue::{Candidate, Named};
 use super::significance::{p_of_family, p_of_ratio};
 use crate::calibrate::{Bench, CalibrateError, Trial, Trimmed};
+use crate::diagnose::catalogue::{Candidate, Named};
 use crate::model::law::Law;
 
 /// Worst times at which a law of an event is scored.

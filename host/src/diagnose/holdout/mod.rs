@@ -8,13 +8,15 @@
 //! A sensor counts with the logarithm of its error, as in a Gaussian predictive score with its scale estimated (Gneiting and Raftery 2007): none outweighs
 //! the others for its unit or its noise, and one that gets a little worse beside others that get much better does not decide.
 
-use super::axes::is_of;
-use super::blocks::blocks;
-use super::criteria::{self, LEAST_BLOCK, SAMPLES};
-use super::interval::{Gain, bca};
-use super::refit::samples_for;
-use super::result::{ChannelGain, HorizonGain, OverTime};
+pub mod judge;
+
 use crate::calibrate::{Bench, CalibrateError, Series, Trial};
+use crate::diagnose::axes::is_of;
+use crate::diagnose::blocks::blocks;
+use crate::diagnose::criteria::{self, LEAST_BLOCK, SAMPLES};
+use crate::diagnose::interval::{Gain, bca};
+use crate::diagnose::refit::samples_for;
+use crate::diagnose::result::{ChannelGain, HorizonGain, OverTime};
 use crate::effect::{Effect, Role};
 use crate::model::Model;
 use crate::recording::Recording;
