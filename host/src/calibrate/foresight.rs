@@ -37,7 +37,7 @@ pub struct Expected {
 /// # Errors
 /// As a calibration's own.
 pub fn foresee(robot: &Robot, recording: &Recording) -> Result<Foresight, CalibrateError> {
-    super::check(robot, &[recording], Preset::Default)?;
+    super::accept(robot, &[recording], Preset::Default)?;
     let model = Model::new(robot);
     let series = Series::of(robot, &[recording]);
     let problem = Problem::new(&model, robot, &series, Preset::Default.assumptions());

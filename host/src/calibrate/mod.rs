@@ -53,7 +53,7 @@ mod worst;
 
 pub use bench::Bench;
 pub use blocks::{BlockFit, BlockScores, LawBlock, Quadratic};
-pub use fit::{Fit, calibrate, extend, extend_as, fit};
+pub use fit::{Fit, calibrate, calibrate_extended, extend, extend_as, fit};
 pub use noise::Noise;
 pub(crate) use noise::{of_inputs, process_names};
 pub use observability::{Unobservable, comparable_truth};
@@ -68,7 +68,7 @@ pub use series::Series;
 pub use trial::{JointState, Trial, TrialValue};
 pub use trimmed::Trimmed;
 
-use crate::recording::Recording;
+use crate::recording::{Recording, check};
 use crate::robot::{ChannelKind, Robot};
 use solve::error::SolveError;
 
@@ -97,6 +97,12 @@ pub enum CalibrateError {
         robot: String,
         /// The robot of the first one.
         expected: String,
+    },
+    /// A recording that is given twice.
+    #[error("{path} is given twice")]
+    Twice {
+        /// The recording.
+        path: String,
     },
     /// A recording that does not have the columns of the description.
     #[error("{path} has the columns {found}, the description of `{robot}` wants {expected}")]
@@ -143,17 +149,30 @@ pub enum CalibrateError {
 /// Fewest samples of a recording.
 pub const FEWEST_SAMPLES: usize = 200;
 
+/// What makes any result of this recording worthless, see [`check::obstacles`]. A recording of fewer samples than a calibration needs shows
+/// nothing; it is refused for that.
+pub fn obstacles(recording: &Recording) -> Vec<check::Finding> {
+    match recording.len() {
+        0..FEWEST_SAMPLES => Vec::new(),
+        _ => check::obstacles(recording),
+    }
+}
+
 /// The columns of a table with so many inputs and these channels.
 fn columns(inputs: usize, channels: &[crate::robot::Channel]) -> String {
     let inputs = (1..=inputs).map(|i| format!("u{i}"));
     inputs.chain(channels.iter().map(|channel| channel.column.clone())).collect::<Vec<_>>().join(",")
 }
 
-fn check(robot: &Robot, recordings: &[&Recording], preset: Preset) -> Result<(), CalibrateError> {
+fn accept(robot: &Robot, recordings: &[&Recording], preset: Preset) -> Result<(), CalibrateError> {
     let first = recordings.first().ok_or(CalibrateError::NoRecording)?;
     let expected = columns(robot.joints.len(), &robot.channels());
-    for recording in recordings {
+    for (i, recording) in recordings.iter().enumerate() {
         let path = recording.source.path.display().to_string();
+        let sha256 = &recording.source.sha256;
+        if !sha256.is_empty() && recordings[..i].iter().any(|earlier| earlier.source.sha256 == *sha256) {
+            return Err(CalibrateError::Twice { path });
+        }
         let specs: Vec<_> = recording.channels.iter().map(|channel| channel.spec.clone()).collect();
         let found = columns(recording.duty.len(), &specs);
         if found != expected {
