@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use super::verify::read_calibration;
 use super::{Exit, Failure, NewFile, Ui, read_failure};
 use crate::calibrate::Status;
-use crate::export::{self, Exported, Loss};
+use crate::export::{self, ExportError, Exported, Loss};
 use crate::failure::{export_failure, observe_failure};
 use crate::observe::Numbers;
 use crate::recording::{self, csv};
