@@ -91,7 +91,7 @@ class _Chain:
         self.actuated = {
             int(model.actuator_trnid[i, 0]): i
             for i in range(model.nu)
-            if model.actuator_trntype[i] == mujoco.mjtTrn.mjTRN_JOINT
+            if int(model.actuator_trntype[i]) == int(mujoco.mjtTrn.mjTRN_JOINT)
         }
 
     def text(self, wanted: Sequence[str] | None, drive: Drive, sample_period_s: float | None) -> str:
@@ -143,9 +143,8 @@ class _Chain:
 
     def of_body(self, body: int, joints: list[int]) -> list[_Joint]:
         """The joints of one body: none, one, or a motor with its spring."""
-        allowed = (self.mujoco.mjtJoint.mjJNT_HINGE, self.mujoco.mjtJoint.mjJNT_SLIDE)
         for joint in joints:
-            if self.model.jnt_type[joint] not in allowed:
+            if self.kind(joint) not in ("hinge", "slide"):
                 raise DataError(
                     f"the joint {self.joint_name(joint)!r} of the body {self.name('BODY', body)!r} is free or a ball",
                     "a robot stands on its base, and its joints turn or slide: fix the base, split balls into hinges",
@@ -168,11 +167,10 @@ class _Chain:
         )
 
     def coaxial(self, one: int, other: int) -> bool:
-        same_kind = self.model.jnt_type[one] == self.model.jnt_type[other]
+        same_kind = self.kind(one) == self.kind(other)
         same_axis = np.allclose(self.data.xaxis[one], self.data.xaxis[other], atol=1e-9)
         apart = self.data.xanchor[one] - self.data.xanchor[other]
-        slides = self.model.jnt_type[one] == self.mujoco.mjtJoint.mjJNT_SLIDE
-        return bool(same_kind and same_axis and (slides or np.allclose(np.cross(apart, self.data.xaxis[one]), 0.0, atol=1e-9)))
+        return bool(same_kind and same_axis and (self.kind(one) == "slide" or np.allclose(np.cross(apart, self.data.xaxis[one]), 0.0, atol=1e-9)))
 
     def carries(self, body: int, other: int) -> bool:
         while other not in (0, body):
@@ -207,7 +205,7 @@ class _Chain:
         return {
             "mass_kg": mass,
             "centre_m": _list(axes.T @ (centre - anchor)) if mass else [0.0, 0.0, 0.0],
-            "inertia_kg_m2": {key: float(inertia[place]) for key, place in places.items()},
+            "inertia_kg_m2": dict(zip(places, _list([inertia[place] for place in places.values()]), strict=True)),
         }
 
     def drive(self, joint: _Joint, given: Drive) -> Drive:
@@ -248,7 +246,7 @@ class _Chain:
     def gyros(self, chain: list[_Joint], carried: list[list[int]]) -> list[Gyro]:
         gyros = []
         for sensor in range(self.model.nsensor):
-            if self.model.sensor_type[sensor] != self.mujoco.mjtSensor.mjSENS_GYRO:
+            if int(self.model.sensor_type[sensor]) != int(self.mujoco.mjtSensor.mjSENS_GYRO):
                 continue
             site = int(self.model.sensor_objid[sensor])
             body = int(self.model.site_bodyid[site])
@@ -261,7 +259,12 @@ class _Chain:
         return gyros
 
     def slides(self, joint: _Joint) -> bool:
-        return bool(self.model.jnt_type[joint.motor] == self.mujoco.mjtJoint.mjJNT_SLIDE)
+        return self.kind(joint.motor) == "slide"
+
+    def kind(self, joint: int) -> str:
+        """`hinge`, `slide`, `ball` or `free`."""
+        kinds = ("hinge", "slide", "ball", "free")
+        return next(kind for kind in kinds if int(getattr(self.mujoco.mjtJoint, f"mjJNT_{kind.upper()}")) == self.model.jnt_type[joint])
 
     def dof(self, field: str, joint: int) -> float:
         """A quantity of a joint's speed. A polynomial counts by its first coefficient."""
@@ -280,4 +283,7 @@ class _Chain:
 
 
 def _list(values: Any) -> list[float]:
-    return [float(value) + 0.0 for value in values]
+    """The numbers, with what rounding left of zeros taken off."""
+    array = np.array(values, dtype=np.float64)
+    array[np.abs(array) < 1e-14 * np.max(np.abs(array), initial=0.0)] = 0.0
+    return [float(value) for value in array]
