@@ -2,16 +2,16 @@
 
 use std::sync::Arc;
 
-use host::calibrate::{self, Calibration, Method, NoiseSource, Preset, foresight};
-use host::diagnose::{self, Options};
-use host::export::{self, ExportError, Exported, Loss};
+use host::calibrate::{CalibrateError, Calibration, Method, NoiseSource, Preset, foresight};
+use host::diagnose::Options;
+use host::export::{ExportError, Exported, Loss};
 use host::failure::{
     Failure, calibrate_failure, calibration_failure, diagnose_failure, export_failure, observe_failure, unfit,
     verify_failure,
 };
-use host::observe::{self, Sensors};
+use host::observe::Sensors;
 use host::recording::{self, check as checks};
-use host::{report, verify as verification};
+use host::report;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use serde::Serialize;
@@ -101,13 +101,13 @@ pub fn calibrate(
         steps.tell("reading");
         let recordings = accepted(&recordings, unchecked)?;
         let robot = robot.or_else(|| recordings.first().map(|recording| recording.robot.clone()));
-        let robot = robot.ok_or_else(|| calibrate_failure(calibrate::CalibrateError::NoRecording))?;
+        let robot = robot.ok_or_else(|| calibrate_failure(CalibrateError::NoRecording))?;
         let method = Method::suited(preset, &robot);
         let method = Method { noise: noise.unwrap_or(method.noise), ..method };
         let iteration =
             |i: usize, state: &Iteration| steps.tell(format!("calibrating: iteration {i}, cost {:.6e}", state.cost));
         let calibration =
-            calibrate::calibrate_extended(&robot, &recordings, method, &extend, &Settings::default(), iteration)
+            host::calibrate::calibrate_extended(&robot, &recordings, method, &extend, &Settings::default(), iteration)
                 .map_err(calibrate_failure)?;
         of_calibration(calibration)
     })
@@ -136,7 +136,7 @@ pub fn verify(
     work::run(py, progress.as_ref(), move |steps| {
         accepted(std::slice::from_ref(&recording), unchecked)?;
         let (verified, traces) =
-            verification::verify(&calibration, &recording, |step| steps.tell(step)).map_err(verify_failure)?;
+            host::verify::verify(&calibration, &recording, |step| steps.tell(step)).map_err(verify_failure)?;
         let predicted = ("predicted", traces.predicted.clone());
         let mut outcome = Outcome::new(&verified.clone(), move || {
             report::verification::page(&verified, &recording, &traces).to_html()
@@ -165,9 +165,9 @@ pub fn diagnose(
         let runs = accepted(&recordings, unchecked)?;
         accepted(holdout.as_slice(), unchecked)?;
         let robot = robot.or_else(|| runs.first().map(|recording| recording.robot.clone()));
-        let robot = robot.ok_or_else(|| calibrate_failure(calibrate::CalibrateError::NoRecording))?;
+        let robot = robot.ok_or_else(|| calibrate_failure(CalibrateError::NoRecording))?;
         let options = Options { without, ..Options::default() };
-        let found = diagnose::diagnose(&robot, &runs, holdout.as_deref(), &options, &|step| steps.tell(step))
+        let found = host::diagnose::diagnose(&robot, &runs, holdout.as_deref(), &options, &|step| steps.tell(step))
             .map_err(diagnose_failure)?;
         let calibrations = vec![("base", found.base.clone()), ("extended", found.extended.clone())];
         let outcome = Outcome::new(&found.clone(), move || report::diagnosis::page(&found).to_html())?;
@@ -197,7 +197,7 @@ pub fn observe(
     work::run(py, progress.as_ref(), move |steps| {
         accepted(std::slice::from_ref(&recording), unchecked)?;
         let (observation, estimates) =
-            observe::observe(&calibration, &recording, sensors, None, |step| steps.tell(step))
+            host::observe::observe(&calibration, &recording, sensors, None, |step| steps.tell(step))
                 .map_err(observe_failure)?;
         let arrays = vec![
             ("t_s", vec![estimates.t_s.clone()]),
@@ -228,10 +228,10 @@ pub fn check(py: Python<'_>, recording: &Recording) -> PyResult<Outcome> {
 #[pyfunction]
 pub fn export(py: Python<'_>, calibration: &str, format: &str) -> PyResult<(String, Vec<String>)> {
     let write: fn(&Exported<'_>) -> Result<(String, Vec<Loss>), ExportError> = match format {
-        "robot" => export::robot_file,
-        "mjcf" => export::mjcf,
-        "urdf" => export::urdf,
-        "rust" => export::rust,
+        "robot" => host::export::robot_file,
+        "mjcf" => host::export::mjcf,
+        "urdf" => host::export::urdf,
+        "rust" => host::export::rust,
         other => return wrong(py, "format", other, "\"robot\", \"mjcf\", \"urdf\" or \"rust\""),
     };
     let calibration = parse(calibration, "this").or_raise(py)?;
@@ -260,7 +260,7 @@ fn subjects(
 /// The recordings, unless results from one of them would be worthless.
 fn accepted(recordings: &[Shared], unchecked: bool) -> Result<Vec<&recording::Recording>, Failure> {
     for recording in recordings.iter().filter(|_| !unchecked) {
-        if let Some(finding) = calibrate::obstacles(recording).first() {
+        if let Some(finding) = host::calibrate::obstacles(recording).first() {
             let advice = format!("{}\nif it is right as it is, pass unchecked=True", finding.advice);
             return Err(unfit(recording.source.path.display(), finding).advice(advice));
         }

@@ -83,7 +83,7 @@ class Mjcf(unittest.TestCase):
         for joint, angle in zip((first, second), angles, strict=True):
             axis = np.array(joint["axis"])
             cross = np.cross(np.eye(3), axis)
-            turn = np.eye(3) - np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
+            turn = np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
             origin = origin + to_world @ joint["origin_m"]
             to_world = to_world @ np.array(joint["rotation"]).T @ turn
             centres.append(origin + to_world @ joint["body"]["centre_m"])
