@@ -5,6 +5,7 @@
 #![forbid(unsafe_code)]
 
 pub mod command;
+pub mod failure;
 pub mod report;
 
 pub mod diagnose;

@@ -28,6 +28,12 @@ pub enum CalibrateError {
         /// The robot of the first one.
         expected: String,
     },
+    /// A recording that is given twice.
+    #[error("{path} is given twice")]
+    Twice {
+        /// The recording.
+        path: String,
+    },
     /// A recording that does not have the columns of the description.
     #[error("{path} has the columns {found}, the description of `{robot}` wants {expected}")]
     DifferentColumns {

@@ -19,7 +19,7 @@ use super::identifiability::observability;
 use super::initial_guess::start;
 use super::noise_estimate::outliers::Screened;
 use super::noise_estimate::reml::{self, Residue};
-use super::requirements::check;
+use super::requirements::accept;
 use super::residuals::noise::Noise;
 use super::residuals::point::Point;
 use super::residuals::preset::{Method, NoiseSource, Preset};
@@ -74,6 +74,26 @@ pub fn calibrate(
     Ok(fit(robot, recordings, method, settings, progress)?.calibration)
 }
 
+/// [`calibrate`] by the base model, and from there by the model extended by the effects of these ids.
+///
+/// # Errors
+/// [`CalibrateError`]; an unknown id before any work.
+pub fn calibrate_extended<S: AsRef<str>>(
+    robot: &Robot,
+    recordings: &[&Recording],
+    method: impl Into<Method>,
+    ids: &[S],
+    settings: &Settings,
+    mut progress: impl FnMut(usize, &Iteration),
+) -> Result<Calibration, CalibrateError> {
+    laws::effects(ids)?;
+    let base = fit(robot, recordings, method, settings, &mut progress)?;
+    match ids {
+        [] => Ok(base.calibration),
+        ids => Ok(extend(robot, recordings, &base, ids, settings, progress)?.calibration),
+    }
+}
+
 /// [`calibrate`] that keeps what [`extend`] starts from.
 ///
 /// # Errors
@@ -87,7 +107,7 @@ pub fn fit(
 ) -> Result<Fit, CalibrateError> {
     let begin = Instant::now();
     let method = method.into();
-    check(robot, recordings, method.preset)?;
+    accept(robot, recordings, method.preset)?;
     let model = Model::new(robot);
     let assumptions = method.preset.assumptions();
     let screened = Screened::new(Series::of(robot, recordings), assumptions.without_outliers);
@@ -159,7 +179,7 @@ impl Extended<'_> {
         if preset == Preset::Paper {
             return Err(CalibrateError::ExtendsThePaper);
         }
-        check(robot, recordings, preset)?;
+        accept(robot, recordings, preset)?;
         let screened = Screened::new(Series::of(robot, recordings), preset.assumptions().without_outliers);
         let series = screened.series();
         let clock = Instant::now();

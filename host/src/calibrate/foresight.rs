@@ -45,7 +45,7 @@ pub struct Expected {
 /// # Errors
 /// As a calibration's own.
 pub fn foresee(robot: &Robot, recording: &Recording) -> Result<Foresight, CalibrateError> {
-    super::requirements::check(robot, &[recording], Preset::Default)?;
+    accept(robot, &[recording], Preset::Default)?;
     let model = Model::new(robot);
     let series = Series::of(robot, &[recording]);
     let problem = Problem::new(&model, robot, &series, Preset::Default.assumptions());

@@ -3,11 +3,20 @@
 use super::data::series;
 use super::error::CalibrateError;
 use super::residuals::preset::Preset;
-use crate::recording::Recording;
+use crate::recording::{Recording, check};
 use crate::robot::{ChannelKind, Robot};
 
 /// Fewest samples of a recording.
 pub const FEWEST_SAMPLES: usize = 200;
+
+/// What makes any result of this recording worthless, see [`check::obstacles`]. A recording of fewer samples than a calibration needs shows
+/// nothing; it is refused for that.
+pub fn obstacles(recording: &Recording) -> Vec<check::Finding> {
+    match recording.len() {
+        0..FEWEST_SAMPLES => Vec::new(),
+        _ => check::obstacles(recording),
+    }
+}
 
 /// The columns of a table with so many inputs and these channels.
 fn columns(inputs: usize, channels: &[crate::robot::Channel]) -> String {
@@ -15,11 +24,15 @@ fn columns(inputs: usize, channels: &[crate::robot::Channel]) -> String {
     inputs.chain(channels.iter().map(|channel| channel.column.clone())).collect::<Vec<_>>().join(",")
 }
 
-pub(crate) fn check(robot: &Robot, recordings: &[&Recording], preset: Preset) -> Result<(), CalibrateError> {
+pub(crate) fn accept(robot: &Robot, recordings: &[&Recording], preset: Preset) -> Result<(), CalibrateError> {
     let first = recordings.first().ok_or(CalibrateError::NoRecording)?;
     let expected = columns(robot.joints.len(), &robot.channels());
-    for recording in recordings {
+    for (i, recording) in recordings.iter().enumerate() {
         let path = recording.source.path.display().to_string();
+        let sha256 = &recording.source.sha256;
+        if !sha256.is_empty() && recordings[..i].iter().any(|earlier| earlier.source.sha256 == *sha256) {
+            return Err(CalibrateError::Twice { path });
+        }
         let specs: Vec<_> = recording.channels.iter().map(|channel| channel.spec.clone()).collect();
         let found = columns(recording.duty.len(), &specs);
         if found != expected {

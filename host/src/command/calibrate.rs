@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 
 use super::{Exit, Failure, FitnessArgs, ResultArgs, Ui, read_failure, robot_failure};
-use crate::calibrate::{CalibrateError, Calibration, Method, NoiseSource, Preset, Status, extend, fit};
-use crate::effect::{Effect, EffectError};
+use crate::calibrate::{Calibration, Method, NoiseSource, Preset, Status, calibrate_extended};
+use crate::failure::calibrate_failure;
 use crate::recording::{self, Recording};
 use crate::report;
 use crate::robot::Robot;
@@ -55,12 +55,6 @@ pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
         }
         args.fitness.look(recording, recording.source.path.display(), ui)?;
     }
-    if let Some(twice) = (1..recordings.len()).map(|i| recordings.split_at(i)).find_map(|(earlier, rest)| {
-        rest.first().filter(|one| earlier.iter().any(|other| other.source.sha256 == one.source.sha256))
-    }) {
-        return Err(Failure::usage(format!("{} is given twice", twice.source.path.display()))
-            .advice("a recording counts once: what it says would seem twice as sure as it is"));
-    }
     let method = Method::suited(args.preset, &robot);
     let method = Method { noise: args.noise.unwrap_or(method.noise), ..method };
     let calibration = solve_extended(&robot, &recordings, method, &args.extensions, ui)?;
@@ -98,41 +92,13 @@ fn solve_extended(
     extensions: &[String],
     ui: &Ui,
 ) -> Result<Calibration, Failure> {
-    for id in extensions {
-        Effect::by_id(id).map_err(|error| calibrate_failure(error.into()))?;
-    }
     let progress = ui.busy("calibrating");
     let note = |iteration: usize, state: &Iteration| {
         progress.note(format!("iteration {iteration}, cost {:.6e}", state.cost));
         tracing::debug!(iteration, cost = state.cost, damping = state.damping, trials = state.trials);
     };
     let settings = Settings::default();
-    let base = fit(robot, recordings, method, &settings, note).map_err(calibrate_failure)?;
-    if extensions.is_empty() {
-        return Ok(base.calibration);
-    }
-    progress.stage("calibrating the extended model");
-    Ok(extend(robot, recordings, &base, extensions, &settings, note).map_err(calibrate_failure)?.calibration)
-}
-
-/// A recording that cannot be calibrated.
-pub(super) fn calibrate_failure(error: CalibrateError) -> Failure {
-    match error {
-        CalibrateError::NoRecording | CalibrateError::NotThePapersRobot => Failure::usage(error),
-        CalibrateError::ExtendsThePaper | CalibrateError::Extension(_) => Failure::usage(error),
-        CalibrateError::Effect(EffectError::Unsuited { .. }) => Failure::data(error).advice("leave this effect out"),
-        CalibrateError::Effect(_) => Failure::usage(error),
-        CalibrateError::Solve(_) | CalibrateError::Undetermined => Failure::no_convergence(error)
-            .advice("`host check` says whether the recording is fit; look for a wrong unit or a wrong robot file"),
-        CalibrateError::TooShort { .. } => Failure::data(error).advice("record the whole calibration motion"),
-        CalibrateError::DifferentRobot { .. } => Failure::data(error),
-        CalibrateError::DifferentColumns { .. } => {
-            Failure::data(error).advice("give the description of the robot that was recorded, or leave --robot out")
-        }
-        CalibrateError::NoPosition { .. } => {
-            Failure::data(error).advice("add the joint's encoder to the robot file and to the recording")
-        }
-    }
+    calibrate_extended(robot, recordings, method, extensions, &settings, note).map_err(calibrate_failure)
 }
 
 /// What does not fit, and the parameters as a table for people.

@@ -7,13 +7,12 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::calibrate::print_table;
-use super::diagnose::{diagnose_failure, print as print_findings};
-use super::simulate::simulate_failure;
-use super::verify::verify_failure;
+use super::diagnose::print as print_findings;
 use super::{Exit, Failure, NewFile, Ui, json, read_failure, robot_failure};
 use crate::calibrate::{Calibration, comparable_truth, foresight};
 use crate::diagnose::{Options as How, Verdict, diagnose};
 use crate::effect::{Effect, Size, TrueValue};
+use crate::failure::{diagnose_failure, simulate_failure, verify_failure};
 use crate::recording::check::check;
 use crate::recording::{self, Recording};
 use crate::report;

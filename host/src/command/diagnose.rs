@@ -2,9 +2,9 @@
 
 use std::path::PathBuf;
 
-use super::calibrate::calibrate_failure;
 use super::{Exit, Failure, FitnessArgs, ResultArgs, Ui, read_failure, robot_failure};
-use crate::diagnose::{self, DiagnoseError, Diagnosis, Finding, Options, Verdict};
+use crate::diagnose::{self, Diagnosis, Finding, Options, Verdict};
+use crate::failure::diagnose_failure;
 use crate::recording::Recording;
 use crate::report::diagnosis::words::{self, Names};
 use crate::report::number::{seconds, significant};
@@ -65,14 +65,6 @@ fn exit(verdict: Verdict) -> Exit {
         Verdict::Named => Exit::Named,
         Verdict::Unknown => Exit::Unknown,
         Verdict::NotSeparable => Exit::NotSeparable,
-    }
-}
-
-/// A recording that cannot be diagnosed.
-pub(super) fn diagnose_failure(error: DiagnoseError) -> Failure {
-    match error {
-        DiagnoseError::Calibrate(error) => calibrate_failure(error),
-        DiagnoseError::Effect(error) => Failure::usage(error).advice("`host effects` prints the catalogue"),
     }
 }
 

@@ -1,8 +1,9 @@
-//! How a verb ends: the exit code, and a failure with its cause and what to do about it.
+//! How a verb ends: the exit code, and a failure as a terminal shows it.
 
-use std::error::Error;
 use std::fmt;
 use std::process::ExitCode;
+
+use crate::failure::{Failure, Kind};
 
 /// The end of the help text: other programs are written against these numbers.
 pub const HELP: &str = "\
@@ -43,87 +44,27 @@ impl From<Exit> for ExitCode {
     }
 }
 
-/// Why a verb failed: an exit code, the cause (with its own causes), and what the user can do.
-///
-/// Made from a typed error by the constructor that names the exit code: `Failure::data(error).advice("…")`.
-#[derive(Debug)]
-pub struct Failure {
-    exit: Exit,
-    cause: Box<dyn Error + Send + Sync>,
-    advice: Option<String>,
+impl From<Kind> for Exit {
+    fn from(kind: Kind) -> Self {
+        match kind {
+            Kind::Fault => Self::Fault,
+            Kind::Usage => Self::Usage,
+            Kind::Device => Self::Device,
+            Kind::Data => Self::Data,
+            Kind::NoConvergence => Self::NoConvergence,
+        }
+    }
 }
 
 impl Failure {
-    /// A failure with the given code; `cause` is a typed error or a text.
-    pub fn new(exit: Exit, cause: impl Into<Box<dyn Error + Send + Sync>>) -> Self {
-        Self { exit, cause: cause.into(), advice: None }
-    }
-
-    /// A fault of the program itself: exit code 1.
-    pub fn fault(cause: impl Into<Box<dyn Error + Send + Sync>>) -> Self {
-        Self::new(Exit::Fault, cause).advice("this is a bug: please report it with the command line and the text above")
-    }
-
-    /// The command line asks for what cannot or must not be done: exit code 2.
-    pub fn usage(cause: impl Into<Box<dyn Error + Send + Sync>>) -> Self {
-        Self::new(Exit::Usage, cause)
-    }
-
-    /// A device or file could not be opened, read or written: exit code 3.
-    pub fn device(cause: impl Into<Box<dyn Error + Send + Sync>>) -> Self {
-        Self::new(Exit::Device, cause)
-    }
-
-    /// The data cannot be used: exit code 4.
-    pub fn data(cause: impl Into<Box<dyn Error + Send + Sync>>) -> Self {
-        Self::new(Exit::Data, cause)
-    }
-
-    /// The solver ended without an answer: exit code 5.
-    pub fn no_convergence(cause: impl Into<Box<dyn Error + Send + Sync>>) -> Self {
-        Self::new(Exit::NoConvergence, cause)
-    }
-
-    /// The same failure with what the user can do about it.
-    #[must_use]
-    pub fn advice(mut self, advice: impl Into<String>) -> Self {
-        self.advice = Some(advice.into());
-        self
-    }
-
-    /// The same failure with the thing that it is about in front, where several were given.
-    #[must_use]
-    pub fn about(self, what: impl fmt::Display) -> Self {
-        Self { cause: Box::new(About { what: what.to_string(), source: self.cause }), ..self }
-    }
-
     /// The exit code.
     pub fn exit(&self) -> Exit {
-        self.exit
-    }
-}
-
-#[derive(Debug, thiserror::Error)]
-#[error("{what} cannot be used")]
-struct About {
-    what: String,
-    source: Box<dyn Error + Send + Sync>,
-}
-
-impl fmt::Display for Failure {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.cause.fmt(f)
-    }
-}
-
-impl Error for Failure {
-    fn source(&self) -> Option<&(dyn Error + 'static)> {
-        self.cause.source()
+        self.kind().into()
     }
 }
 
 impl miette::Diagnostic for Failure {
     fn help<'a>(&'a self) -> Option<Box<dyn fmt::Display + 'a>> {
-        self.advice.as_ref().map(|advice| Box::new(advice) as Box<dyn fmt::Display>)
+        self.help().map(|advice| Box::new(advice) as Box<dyn fmt::Display>)
     }
 }

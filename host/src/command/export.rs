@@ -3,11 +3,11 @@
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 
-use super::observe::observe_failure;
 use super::verify::read_calibration;
 use super::{Exit, Failure, NewFile, Ui, read_failure};
 use crate::calibrate::Status;
 use crate::export::{self, ExportError, Exported, Loss};
+use crate::failure::{export_failure, observe_failure};
 use crate::observe::Numbers;
 use crate::recording::{self, csv};
 
@@ -147,15 +147,4 @@ fn write_model(
         status if status.is_usable() => Exit::Ok,
         _ => Exit::NoConvergence,
     })
-}
-
-/// A model that cannot be written.
-fn export_failure(error: ExportError) -> Failure {
-    let failure = Failure::data(error.to_string());
-    match error {
-        ExportError::Calibration(_) | ExportError::Description { .. } => {
-            failure.advice("the calibration was written by another version or edited: calibrate again")
-        }
-        ExportError::Untraceable => failure,
-    }
 }

@@ -1,7 +1,8 @@
 //! What is looked at before any long work on a recording: units, signs, columns, rate, dead sensors.
 
 use super::{Failure, Ui};
-use crate::calibrate::FEWEST_SAMPLES;
+use crate::calibrate;
+use crate::failure::unfit;
 use crate::recording::{Recording, check};
 
 /// To be flattened into the `Args` of a verb that draws conclusions from recordings.
@@ -15,11 +16,7 @@ pub struct FitnessArgs {
 impl FitnessArgs {
     /// Refuses a recording whose results would be worthless; with `--unchecked` it only says so.
     pub fn look(self, recording: &Recording, name: impl std::fmt::Display, ui: &Ui) -> Result<(), Failure> {
-        if recording.len() < FEWEST_SAMPLES {
-            // The verb itself says so; so few samples show nothing else.
-            return Ok(());
-        }
-        let obstacles = check::obstacles(recording);
+        let obstacles = calibrate::obstacles(recording);
         let Some(first) = obstacles.first() else { return Ok(()) };
         for finding in obstacles.iter().skip(usize::from(!self.unchecked)) {
             say(finding, ui);
@@ -27,8 +24,7 @@ impl FitnessArgs {
         if self.unchecked {
             return Ok(());
         }
-        Err(Failure::data(format!("{name} cannot be used: {}", told(first)))
-            .advice(format!("{}\nif it is right as it is, add --unchecked", first.advice)))
+        Err(unfit(name, first).advice(format!("{}\nif it is right as it is, add --unchecked", first.advice)))
     }
 }
 
@@ -42,12 +38,5 @@ pub fn warn(recording: &Recording, ui: &Ui) -> bool {
 }
 
 fn say(finding: &check::Finding, ui: &Ui) {
-    ui.say(format_args!("{}: {}\n    {}", finding.severity.name(), told(finding), finding.advice));
-}
-
-fn told(finding: &check::Finding) -> String {
-    match &finding.channel {
-        Some(channel) => format!("{channel}: {}", finding.message),
-        None => finding.message.clone(),
-    }
+    ui.say(format_args!("{}: {}\n    {}", finding.severity.name(), finding.told(), finding.advice));
 }

@@ -30,7 +30,6 @@ mod verify;
 
 mod choices;
 mod exit;
-mod failures;
 mod fitness;
 mod interrupt;
 mod output;
@@ -40,8 +39,8 @@ use std::process::ExitCode;
 
 use clap::{CommandFactory, Parser, Subcommand};
 
-pub use exit::{Exit, Failure};
-use failures::{read_failure, robot_failure, table_failure};
+use crate::failure::{Failure, read_failure, robot_failure, table_failure};
+pub use exit::Exit;
 pub use fitness::FitnessArgs;
 use output::json;
 pub use output::{LiveFile, NewFile, Outputs, ResultArgs};

@@ -4,11 +4,12 @@ use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-use super::verify::{read_calibration, verify_failure};
+use super::verify::read_calibration;
 use super::{Exit, Failure, FitnessArgs, NewFile, ResultArgs, Ui, read_failure};
 use crate::calibrate;
-use crate::export::{ExportError, Exported};
-use crate::observe::{self, Consistency, Estimates, Observation, ObserveError, Status, Truth};
+use crate::export::Exported;
+use crate::failure::observe_failure;
+use crate::observe::{self, Consistency, Estimates, Observation, Status, Truth};
 use crate::recording;
 use crate::report;
 
@@ -189,13 +190,5 @@ fn say(ui: &Ui, observation: &Observation) {
     }
     for event in &observation.events {
         ui.say(format_args!("at {:.3} s the robot stopped behaving like its model", event.t_s));
-    }
-}
-
-/// A calibration or a recording that cannot be observed.
-pub(super) fn observe_failure(error: ObserveError) -> Failure {
-    match error {
-        ObserveError::Recording(error) | ObserveError::Export(ExportError::Calibration(error)) => verify_failure(error),
-        error => Failure::data(error.to_string()),
     }
 }

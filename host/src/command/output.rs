@@ -10,6 +10,7 @@ use tempfile::NamedTempFile;
 
 use super::interrupt::Registered;
 use super::{Failure, Ui};
+use crate::report;
 
 /// A file that appears under its name only when it is complete.
 ///
@@ -171,7 +172,7 @@ impl Outputs {
 
 /// A result as JSON for people and programs, a line feed at the end.
 pub fn json<T: Serialize + ?Sized>(result: &T) -> Result<String, Failure> {
-    Ok(serde_json::to_string_pretty(result).map_err(Failure::fault)? + "\n")
+    report::json(result).map_err(Failure::fault)
 }
 
 fn folder(path: &Path) -> &Path {

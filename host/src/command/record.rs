@@ -5,12 +5,12 @@ use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::{Arc, Mutex};
 
-use firmware::motion::preset;
 use protocol::budget::{self, BAUD};
 use protocol::{Hello, Motion};
 
-use super::simulate::{say_faults, simulate_failure, simulated_port, write_truth};
+use super::simulate::{say_faults, simulated_port, write_truth};
 use super::{Exit, Failure, LiveFile, Ui, interrupt, robot_failure};
+use crate::failure::{Kind, simulate_failure};
 use crate::link::{
     self, CaptureError, Captured, Device, Dictionary, ElfError, LinkError, News, Options, Ready, Restart, ScaleError,
     Stopper, Zero, reset_name,
@@ -208,18 +208,15 @@ fn show(bar: &super::Progress, now: &link::Progress<'_>) {
 
 /// What the user wants played.
 enum Wanted {
-    Calibration,
-    Validation,
+    Preset(String),
     File(Box<Motion>, String),
 }
 
 impl Wanted {
     /// Reads the motion file, if it is one. To be called before anything is connected.
     fn of(name_or_path: &str) -> Result<Self, Failure> {
-        match name_or_path {
-            "calibration" => return Ok(Self::Calibration),
-            "validation" => return Ok(Self::Validation),
-            _ => {}
+        if matches!(name_or_path, "calibration" | "validation") {
+            return Ok(Self::Preset(name_or_path.to_owned()));
         }
         let text = std::fs::read_to_string(name_or_path).map_err(|error| {
             Failure::device(format!("cannot read the motion {name_or_path}: {error}"))
@@ -234,14 +231,13 @@ impl Wanted {
 
     /// The motion for a robot, and its text for the recording.
     fn fitted(self, robot: &Robot) -> Result<(Motion, String), Failure> {
-        let limits = link::joint_limits(robot);
-        let motion = match self {
-            Self::Calibration => preset::calibration(&limits),
-            Self::Validation => preset::validation(&limits),
-            Self::File(motion, text) => return Ok((*motion, text)),
-        };
-        let text = toml::to_string(&motion).map_err(Failure::fault)?;
-        Ok((motion, text))
+        match self {
+            Self::File(motion, text) => Ok((*motion, text)),
+            Self::Preset(name) => {
+                let (motion, text) = link::preset_motion(&name, robot).ok_or_else(|| Failure::fault(name))?;
+                Ok((motion, text.map_err(Failure::fault)?))
+            }
+        }
     }
 }
 
@@ -303,8 +299,8 @@ impl Interrupt {
 /// A file that does not help to read the firmware's log.
 fn elf_failure(error: ElfError) -> Failure {
     let advice = error.advice();
-    let exit = if matches!(error, ElfError::Open { .. }) { Exit::Device } else { Exit::Data };
-    Failure::new(exit, error).advice(advice)
+    let kind = if matches!(error, ElfError::Open { .. }) { Kind::Device } else { Kind::Data };
+    Failure::new(kind, error).advice(advice)
 }
 
 /// A device that cannot be used.
@@ -315,14 +311,14 @@ fn link_failure(error: LinkError) -> Failure {
 
 /// A recording that was not made, or not to its end.
 fn capture_failure(error: CaptureError) -> Failure {
-    let (exit, advice) = (exit_of(&error), error.advice());
-    Failure::new(exit, error).advice(advice)
+    let (kind, advice) = (kind_of(&error), error.advice());
+    Failure::new(kind, error).advice(advice)
 }
 
-fn exit_of(error: &CaptureError) -> Exit {
+fn kind_of(error: &CaptureError) -> Kind {
     match error {
-        CaptureError::Scale(ScaleError::NotZeroed) => Exit::Device,
-        CaptureError::Scale(_) | CaptureError::Motion { .. } => Exit::Data,
-        _ => Exit::Device,
+        CaptureError::Scale(ScaleError::NotZeroed) => Kind::Device,
+        CaptureError::Scale(_) | CaptureError::Motion { .. } => Kind::Data,
+        _ => Kind::Device,
     }
 }

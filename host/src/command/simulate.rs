@@ -6,8 +6,9 @@ use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::Duration;
 
 use super::{Exit, Failure, NewFile, Ui, interrupt, json, robot_failure};
+use crate::failure::simulate_failure;
 use crate::robot::Robot;
-use crate::simulate::{EffectChoice, Fault, Options, Pace, SimulateError, SimulationReport, Simulator, parse_scale};
+use crate::simulate::{EffectChoice, Fault, Options, Pace, SimulationReport, Simulator, parse_scale};
 
 /// Play robot and microcontroller behind a pseudo-terminal
 ///
@@ -115,23 +116,4 @@ pub(super) fn say_faults(ui: &Ui, report: &SimulationReport) {
 pub(super) fn write_truth(file: Option<NewFile>, report: &SimulationReport) -> Result<(), Failure> {
     let Some(file) = file else { return Ok(()) };
     file.finish_with(json(report)?.as_bytes())
-}
-
-/// A robot that cannot be simulated.
-pub(super) fn simulate_failure(error: SimulateError) -> Failure {
-    match error {
-        SimulateError::Robot(error) => robot_failure(error),
-        SimulateError::Effect(_) => {
-            Failure::usage(error).advice("write effects as backlash, backlash=large or backlash=0.008")
-        }
-        SimulateError::UnknownOption { .. } | SimulateError::Option { .. } => {
-            Failure::usage(error).advice("write a simulated port as sim:seed=3,effect=base_bearing")
-        }
-        SimulateError::Unsuited { .. } => {
-            Failure::data(error).advice("change the description, or simulate another robot")
-        }
-        SimulateError::Motion { .. } => Failure::data(error).advice("correct the motion file"),
-        SimulateError::Port(_) => Failure::device(error).advice("a file in the way of --link must be moved first"),
-        SimulateError::Gyro { .. } | SimulateError::Machine { .. } | SimulateError::Died => Failure::fault(error),
-    }
 }

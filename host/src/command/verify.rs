@@ -4,10 +4,11 @@ use std::path::{Path, PathBuf};
 
 use super::{Exit, Failure, FitnessArgs, Outputs, ResultArgs, Ui, read_failure};
 use crate::calibrate::Calibration;
+use crate::failure::{calibration_failure, verify_failure};
 use crate::recording::{self, Recording};
 use crate::report;
 use crate::verify::torque::TorqueVerification;
-use crate::verify::{self, Fit, Verification, VerifyError};
+use crate::verify::{self, Fit, Verification};
 
 /// Predict a recording by a calibrated model
 ///
@@ -149,28 +150,7 @@ fn print_torques(ui: &Ui, verified: &TorqueVerification) {
 pub(super) fn read_calibration(path: &Path) -> Result<Calibration, Failure> {
     let bytes = std::fs::read(path)
         .map_err(|error| Failure::device(format!("cannot read the calibration {}: {error}", path.display())))?;
-    serde_json::from_slice(&bytes).map_err(|error| {
-        Failure::data(format!("{} is not a calibration: {error}", path.display()))
-            .advice("give the file that `host calibrate … -o CAL.json` wrote")
-    })
-}
-
-/// A recording that cannot be predicted.
-pub(super) fn verify_failure(error: VerifyError) -> Failure {
-    let failure = Failure::data(error.to_string());
-    match error {
-        VerifyError::DifferentRobot { .. } | VerifyError::DifferentChannels { .. } => {
-            failure.advice("`host calibrate` a recording of this robot first")
-        }
-        VerifyError::TooShort { .. } => failure.advice("record a whole motion"),
-        VerifyError::Torque(_) => failure,
-        VerifyError::MissingParameter { .. }
-        | VerifyError::Robot(_)
-        | VerifyError::Effect(_)
-        | VerifyError::Model(_) => {
-            failure.advice("the calibration was written by another version or edited: calibrate again")
-        }
-    }
+    serde_json::from_slice(&bytes).map_err(|error| calibration_failure(path.display(), &error))
 }
 
 fn cell(rmse_sigma: f64) -> String {

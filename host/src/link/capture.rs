@@ -11,6 +11,7 @@
 use std::fs::File;
 use std::sync::atomic::AtomicBool;
 
+use firmware::motion::preset;
 use protocol::motion::Limits;
 use protocol::{Fault, Motion, MotionEnd, MotionError, MotionId, State, Status};
 
@@ -257,6 +258,18 @@ impl<'a> Ready<'a> {
         let phase = counts.phase.map_or(0, |phase| phase + 1);
         Err(CaptureError::Stopped { phase, segments: motion.segments.len(), why, end })
     }
+}
+
+/// The firmware's motion of this name, `calibration` or `validation`, for a robot; and the text of its file.
+pub fn preset_motion(name: &str, robot: &Robot) -> Option<(Motion, Result<String, toml::ser::Error>)> {
+    let limits = joint_limits(robot);
+    let motion = match name {
+        "calibration" => preset::calibration(&limits),
+        "validation" => preset::validation(&limits),
+        _ => return None,
+    };
+    let text = toml::to_string(&motion);
+    Some((motion, text))
 }
 
 /// Where the joints of a robot may be, as motions know it.

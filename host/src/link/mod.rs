@@ -28,7 +28,7 @@ mod take;
 mod tests;
 mod words;
 
-pub use capture::{CaptureError, Captured, News, Progress, Ready, Zero, joint_limits};
+pub use capture::{CaptureError, Captured, News, Progress, Ready, Zero, joint_limits, preset_motion};
 pub use device::{Device, Options, Stopper, probe};
 pub use error::{LinkError, reset_name};
 pub use inbox::Arrival;

@@ -48,3 +48,11 @@ pub use page::{Page, Section};
 pub use plot::{Colour, LinePlot, Series, Stroke};
 pub use scatter::Scatter;
 pub use table::{Cell, Table};
+
+/// A result as JSON for people and programs, a line feed at the end.
+///
+/// # Errors
+/// What cannot be written as JSON.
+pub fn json<T: serde::Serialize + ?Sized>(result: &T) -> serde_json::Result<String> {
+    Ok(serde_json::to_string_pretty(result)? + "\n")
+}

@@ -319,10 +319,17 @@ impl Robot {
         }
         let text =
             std::fs::read_to_string(path).map_err(|source| RobotError::Read { path: path.to_owned(), source })?;
-        let folder = path.parent().unwrap_or_else(|| Path::new(""));
-        match urdf::expand(&text, folder)? {
+        Self::parse_in(&text, path.parent().unwrap_or_else(|| Path::new("")))
+    }
+
+    /// A robot from the text of a description file that lies in `folder`, where its URDF is looked for.
+    ///
+    /// # Errors
+    /// As [`Self::parse`]; a URDF that cannot be read or is not the chain that the description speaks of.
+    pub fn parse_in(text: &str, folder: &Path) -> Result<Self, RobotError> {
+        match urdf::expand(text, folder)? {
             Some(complete) => Self::parse(&complete.text).map_err(|error| complete.name(error)),
-            None => Self::parse(&text),
+            None => Self::parse(text),
         }
     }
 

@@ -136,6 +136,16 @@ pub fn obstacles(recording: &Recording) -> Vec<Finding> {
     findings.0
 }
 
+impl Finding {
+    /// What was found, with the channel that is meant.
+    pub fn told(&self) -> String {
+        match &self.channel {
+            Some(channel) => format!("{channel}: {}", self.message),
+            None => self.message.clone(),
+        }
+    }
+}
+
 impl Check {
     /// Adds a finding in its place; one of severity error makes the recording unusable.
     pub fn add(&mut self, finding: Finding) {

@@ -13,6 +13,10 @@ pub enum Place {
     Line(u64),
     /// A message of the bag's topics that are read, from 1.
     Message(u64),
+    /// An element of the arrays, from 0.
+    Element(u64),
+    /// The names of the arrays.
+    Names,
 }
 
 impl fmt::Display for Place {
@@ -20,6 +24,8 @@ impl fmt::Display for Place {
         match self {
             Self::Line(line) => write!(f, "line {line}"),
             Self::Message(message) => write!(f, "message {message}"),
+            Self::Element(element) => write!(f, "element {element}"),
+            Self::Names => write!(f, "the arrays"),
         }
     }
 }

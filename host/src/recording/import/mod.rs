@@ -22,6 +22,7 @@
 //! what, and what one of its numbers is in SI ([`crate::robot::Import`]). Columns that it does not name are passed over.
 //! The joints of a ROS 2 bag are columns, too: see `bag`.
 
+mod arrays;
 mod bag;
 #[cfg(test)]
 mod bag_tests;
@@ -43,6 +44,7 @@ use std::path::Path;
 use super::Recording;
 use crate::robot::Robot;
 
+pub use arrays::from_arrays;
 pub use error::{Place, TableError, What};
 pub use join::EmptyInputs;
 

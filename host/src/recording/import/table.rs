@@ -191,7 +191,6 @@ impl Numbers {
     fn time_us(&self, field: &[u8], clock: Clock) -> Result<u64, What> {
         let text = self.text(field)?.ok_or(What::Missing)?;
         let number = text.parse::<f64>();
-        let microseconds = |us: f64| (0.0..LATEST_US).contains(&us).then(|| us.round() as u64);
         match clock {
             Clock::Microseconds => match text.parse::<u64>() {
                 Ok(t_us) => Some(t_us),
@@ -208,6 +207,11 @@ impl Numbers {
                 .ok_or_else(|| no_number(&text, |text| What::Stamp { text, unit, zero })),
         }
     }
+}
+
+/// A time in µs, rounded; none where it is negative or too late to be exact.
+pub(super) fn microseconds(us: f64) -> Option<u64> {
+    (0.0..LATEST_US).contains(&us).then(|| us.round() as u64)
 }
 
 /// What is wrong with a field: a kind of its own where it is known, else `otherwise`.
