@@ -17,9 +17,9 @@ use program::{host, json};
 const RTOL: f64 = 1e-9;
 const SECONDS: f64 = 5.0;
 /// Tolerance of the tool's solver, which multiplies it by the number of its steps.
-const SOLVER_RTOL: &str = "1e-12";
+const SOLVER_RTOL: &str = "1e-14";
 /// Parts of a sample by which our own right-hand side is integrated beside the solver; half of them give the same within a tenth of [`RTOL`].
-const PARTS: usize = 16;
+const PARTS: usize = 64;
 
 const PLAY: &str = include_str!("fmu/play.py");
 

@@ -33,17 +33,37 @@ def path(t_s):
     return np.array([0.3, -0.2, 0.25]) * (1 - np.cos(2 * np.pi * t_s)) / 2
 
 
-problem = casadi.Opti()
-xs, us = problem.variable(states, intervals + 1), problem.variable(inputs, intervals)
-problem.subject_to(xs[:, 0] == 0)
-problem.subject_to(problem.bounded(-1, casadi.vec(us), 1))
-cost = 0
+us = casadi.MX.sym("us", inputs, intervals)
+x, residuals = casadi.DM.zeros(states), []
 for k in range(intervals):
-    problem.subject_to(xs[:, k + 1] == flow(xs[:, k], us[:, k]))
-    cost += casadi.sumsqr(xs[:inputs, k + 1] - path((k + 1) * held_s)) + 1e-6 * casadi.sumsqr(us[:, k])
-problem.minimize(1e3 * cost)
-problem.solver("ipopt", {"print_time": False}, {"print_level": 0, "sb": "yes", "hessian_approximation": "limited-memory", "tol": 1e-5, "max_iter": 300})
-solution = problem.solve()
-for column in np.atleast_2d(solution.value(us)).T:
+    x = flow(x, us[:, k])
+    residuals.append((x[:inputs] - path((k + 1) * held_s)) / 1e-3)
+residuals.append(0.01 * casadi.vec(us))
+residual = casadi.Function("residual", [casadi.vec(us)], [casadi.vertcat(*residuals)])
+slopes = residual.jacobian()
+
+# Levenberg-Marquardt steps, each a quadratic problem within the bounds of the duty.
+size = inputs * intervals
+quadratic = casadi.conic("quadratic", "qrqp", {"h": casadi.Sparsity.dense(size, size)}, {"print_iter": False, "print_header": False, "print_info": False})
+best = casadi.DM.zeros(size)
+r = residual(best)
+damping = 1.0
+for _ in range(60):
+    j = slopes(best, r)
+    while True:
+        h = j.T @ j + damping * casadi.DM.eye(size)
+        trial = best + quadratic(h=h, g=j.T @ r, lbx=-1 - best, ubx=1 - best)["x"]
+        r_trial = residual(trial)
+        before, after = float(casadi.sumsqr(r)), float(casadi.sumsqr(r_trial))
+        if after < before or damping > 1e12:
+            break
+        damping *= 8
+    if not after < before:
+        break
+    best, r, damping = trial, r_trial, damping / 8
+    if before - after < 1e-4 * before:
+        break
+print(f"cost {float(casadi.sumsqr(r)):.3g}", file=sys.stderr)
+for column in np.array(casadi.reshape(best, inputs, intervals)).T:
     for _ in range(round(held_s / period)):
         print(*[repr(float(value)) for value in column])

@@ -12,7 +12,6 @@ fmu, table, period, tolerance = sys.argv[1], sys.argv[2], float(sys.argv[3]), fl
 problems = validate_fmu(fmu)
 assert not problems, problems
 description = read_model_description(fmu, validate=True)
-assert description.coSimulation.providesDirectionalDerivative and description.modelExchange.providesDirectionalDerivative
 outputs = [variable.name for variable in description.modelVariables if variable.causality == "output"]
 print(*outputs)
 
@@ -27,7 +26,7 @@ stop = (len(rows) - 1) * period
 for kind in ["CoSimulation", "ModelExchange"]:
     result = simulate_fmu(
         fmu, validate=False, stop_time=stop, fmi_type=kind, output_interval=period, step_size=period,
-        relative_tolerance=tolerance, input=signals, output=outputs,
+        relative_tolerance=tolerance, input=signals, output=outputs, record_events=False,
     )
     for row in result:
         print(*[repr(float(value)) for value in list(row)[1:]])
