@@ -8,11 +8,33 @@ use std::process::Command;
 use program::{host, json};
 use serde_json::Value;
 
+/// The document's blocks in a language.
+fn blocks(language: &str) -> impl Iterator<Item = &'static str> {
+    let fence = format!("```{language}\n");
+    let blocks: Vec<_> = include_str!("../doc/model.md").split(&fence).skip(1).collect();
+    blocks.into_iter().filter_map(|rest| rest.split("```").next())
+}
+
 /// The blocks of the document that are meant to be typed.
 fn example() -> String {
-    let document = include_str!("../doc/model.md");
-    let blocks = document.split("```sh\n").skip(1).filter_map(|rest| rest.split("```").next());
-    blocks.collect::<Vec<_>>().join("\n")
+    blocks("sh").collect::<Vec<_>>().join("\n")
+}
+
+/// What a block in Python prints in `folder`; none where Python lacks the package that it begins with, which is told.
+fn by_python(block: &str, folder: &Path) -> Option<String> {
+    let python = || Command::new(std::env::var_os("PYTHON").unwrap_or_else(|| "python3".into()));
+    let package = block.split_whitespace().nth(1).unwrap();
+    let works =
+        python().args(["-c", &format!("import {package}")]).output().is_ok_and(|output| output.status.success());
+    if !works {
+        eprintln!(
+            "SKIPPED the lines for {package} in host/doc/model.md: python3 -m pip install {package}, or PYTHON=… with it"
+        );
+        return None;
+    }
+    let output = python().args(["-c", block]).current_dir(folder).output().unwrap();
+    assert!(output.status.success(), "{package}: {}", String::from_utf8_lossy(&output.stderr));
+    Some(String::from_utf8(output.stdout).unwrap())
 }
 
 fn parameters(calibration: &Value) -> impl Iterator<Item = (&str, &Value)> {
@@ -46,6 +68,13 @@ fn the_document_is_true_and_a_second_calibration_starts_where_the_first_ended() 
     let position: f64 = read("by_c").split_whitespace().nth(1).unwrap().parse().unwrap();
     assert!(read("by_c").starts_with("q1 ") && (0.05..1.0).contains(&position), "{position}");
 
+    for block in blocks("python") {
+        if let Some(printed) = by_python(block, folder.path()) {
+            let expected = if block.starts_with("import casadi") { "(12, 12)\n".to_owned() } else { read("by_c") };
+            assert_eq!(printed, expected, "{block}");
+        }
+    }
+
     let (first, second) = (json(&at("cal.json")), json(&at("second.json")));
     for ((name, first), (_, second)) in parameters(&first).zip(parameters(&second)) {
         let (ended, started) = (first["estimate"].as_f64().unwrap(), second["initial"].as_f64().unwrap());
@@ -69,7 +98,7 @@ fn the_document_is_true_and_a_second_calibration_starts_where_the_first_ended() 
     assert!(iterations(&second) <= iterations(&afresh));
 
     // Files that exist are left alone, the header as well as the code.
-    for arguments in [["--rust", "doggy.rs"], ["--c", "doggy.h"]] {
+    for arguments in [["--rust", "doggy.rs"], ["--c", "doggy.h"], ["--fmu", "doggy.fmu"]] {
         let said = host(folder.path(), &["export", "cal.json", arguments[0], arguments[1]], 2);
         assert!(said.contains("--force"), "{said}");
     }

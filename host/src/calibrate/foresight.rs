@@ -16,6 +16,7 @@ use super::identifiability::observability::Unobservable;
 use super::initial_guess::start;
 use super::residuals::preset::Preset;
 use super::residuals::problem::Problem;
+use super::requirements::accept;
 use super::result::summary;
 
 /// What a calibration can be expected to say.

@@ -14,7 +14,7 @@ use crate::recording::{self, csv};
 /// Write a recording or a calibrated model for other tools
 ///
 /// A recording becomes a table. A calibrated model becomes a robot description with the identified values, a program in C or Rust (rates, readings, exact
-/// Jacobians, a step), a model for MuJoCo, or a URDF; each of these begins with what it keeps of the model and what it loses. It also becomes an
+/// Jacobians, a step), an FMU for simulators, a model for MuJoCo, or a URDF; each of these begins with what it keeps of the model and what it loses. It also becomes an
 /// observer's table of numbers.
 #[derive(Debug, clap::Args)]
 pub struct Args {
@@ -50,6 +50,9 @@ struct Format {
     /// Of a calibration: chain, bodies and limits, damping and friction
     #[arg(long, value_name = "OUT.urdf")]
     urdf: Option<PathBuf>,
+    /// Of a calibration: an FMU of FMI 3.0 for co-simulation and model exchange, compiled for this machine by CC or cc, with its sources for others
+    #[arg(long, value_name = "OUT.fmu")]
+    fmu: Option<PathBuf>,
     /// Of a calibration: the numbers of an observer, as bytes with a checksum (host/doc/observer.md)
     #[arg(long, value_name = "OUT.bin")]
     observer: Option<PathBuf>,
@@ -76,6 +79,7 @@ pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
         Format { mjcf: Some(path), .. } => one(&path, export::mjcf),
         Format { urdf: Some(path), .. } => one(&path, export::urdf),
         Format { c: Some(path), .. } => c(input, &path, force, ui),
+        Format { fmu: Some(path), .. } => fmu(input, &path, force, ui),
         Format { observer: Some(path), .. } => observer(input, &path, force, ui),
         _ => Err(Failure::fault("no format was given, and the command line was accepted")),
     }
@@ -84,7 +88,7 @@ pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
 fn table(input: &Path, path: &Path, force: bool, ui: &Ui) -> Result<Exit, Failure> {
     if input.extension().is_some_and(|extension| extension == "json") {
         return Err(Failure::usage(format!("{} is a calibration: --csv writes a recording", input.display()))
-            .advice("give the recording, or one of --robot, --rust, --c, --mjcf, --urdf, --observer"));
+            .advice("give the recording, or one of --robot, --rust, --c, --fmu, --mjcf, --urdf, --observer"));
     }
     let file = NewFile::claim(path, force)?;
     let reading = ui.busy("reading");
@@ -111,6 +115,17 @@ fn c(input: &Path, path: &Path, force: bool, ui: &Ui) -> Result<Exit, Failure> {
         header_file.finish_with(files.header.as_bytes())?;
         code_file.finish_with(files.code.as_bytes())?;
         Ok((format!("{}, {}", code.display(), header.display()), losses))
+    })
+}
+
+/// An archive with what the user's C compiler makes of it.
+fn fmu(input: &Path, path: &Path, force: bool, ui: &Ui) -> Result<Exit, Failure> {
+    let file = NewFile::claim(path, force)?;
+    let compiler = std::env::var("CC").ok().filter(|command| !command.trim().is_empty());
+    write_model(input, ui, |exported| {
+        let (bytes, losses) = export::fmu(exported, compiler.as_deref().unwrap_or("cc")).map_err(export_failure)?;
+        file.finish_with(&bytes)?;
+        Ok((path.display().to_string(), losses))
     })
 }
 

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! CAL.json ─▶ Exported ─┬─▶ robot file                         the same program's next --robot
-//!                       ├─▶ Program (traced) ─┬─▶ C
+//!                       ├─▶ Program (traced) ─┬─▶ C ─▶ FMU     co-simulation and model exchange
 //!                       │                     └─▶ Rust         ẋ, readings, Jacobians, a step
 //!                       ├─▶ MJCF
 //!                       └─▶ URDF
@@ -11,6 +11,7 @@
 //! them. Every file begins with where it comes from and ends its head with its [`Loss`]es.
 
 mod exported;
+mod fmu;
 mod loss;
 mod machine;
 mod mjcf;
@@ -21,6 +22,7 @@ pub(crate) mod tests;
 mod urdf;
 
 pub use exported::{Exported, Parameter, Place, Quantity};
+pub use fmu::fmu;
 pub use loss::{Kept, Loss};
 pub use mjcf::mjcf;
 pub use program::{CFiles, Program, Sizes, c, rust};
@@ -41,6 +43,12 @@ pub enum ExportError {
     /// The robot description inside the calibration.
     #[error("the robot description inside the calibration cannot take the calibrated values: {message}")]
     Description {
+        /// What is wrong.
+        message: String,
+    },
+    /// An archive.
+    #[error("the archive cannot be made: {message}")]
+    Archive {
         /// What is wrong.
         message: String,
     },

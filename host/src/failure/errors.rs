@@ -137,6 +137,6 @@ pub fn export_failure(error: ExportError) -> Failure {
         ExportError::Calibration(_) | ExportError::Description { .. } => {
             failure.advice("the calibration was written by another version or edited: calibrate again")
         }
-        ExportError::Untraceable => failure,
+        ExportError::Untraceable | ExportError::Archive { .. } => failure,
     }
 }

@@ -24,10 +24,19 @@ pub struct CFiles {
 /// A model that cannot be written down.
 pub fn c(exported: &Exported<'_>, header_name: &str) -> Result<(CFiles, Vec<Loss>), ExportError> {
     let program = Program::of(exported)?;
+    let losses = losses(exported);
+    Ok((c_files(exported, &program, header_name), losses))
+}
+
+/// The files of a model that is written down already.
+pub(in crate::export) fn c_files(exported: &Exported<'_>, program: &Program, header_name: &str) -> CFiles {
+    CFiles { header: header(exported, program, &losses(exported)), code: code(exported, program, header_name) }
+}
+
+fn losses(exported: &Exported<'_>) -> Vec<Loss> {
     let mut losses = loss::of_programs(exported);
     losses.push(Loss::approximate("float", "seven digits, with -DMODEL_REAL=float; double has all"));
-    let (header, code) = (header(exported, &program, &losses), code(exported, &program, header_name));
-    Ok((CFiles { header, code }, losses))
+    losses
 }
 
 struct C(Sizes);

@@ -3,7 +3,7 @@
 use crate::export::{Exported, Loss, Parameter, Place};
 
 /// Lines of a comment.
-pub(super) fn of_program(exported: &Exported<'_>, losses: &[Loss]) -> Vec<String> {
+pub(in crate::export) fn of_program(exported: &Exported<'_>, losses: &[Loss]) -> Vec<String> {
     let mut lines = exported.origin();
     lines.push(String::new());
     lines.push("What this file keeps of the model:".to_owned());

@@ -11,7 +11,9 @@ mod rust;
 mod slopes;
 mod text;
 
+pub(super) use c::c_files;
 pub use c::{CFiles, c};
+pub(super) use head::of_program as head_of_program;
 pub use rust::rust;
 
 use super::{ExportError, Exported, Place};

@@ -9,22 +9,22 @@ use crate::export::{Exported, Program, c, rust};
 use crate::model::{Input, Stepper};
 
 /// Relative to the largest entry of a block.
-const RTOL: f64 = 1e-12;
-const RTOL_SLOPES: f64 = 1e-9;
+pub(super) const RTOL: f64 = 1e-12;
+pub(super) const RTOL_SLOPES: f64 = 1e-9;
 const RTOL_F32: f64 = 2e-4;
 
 /// Over a run of this many steps, in shares of the largest component.
 const RTOL_RUN: f64 = 1e-9;
-const STEPS: usize = 400;
+pub(super) const STEPS: usize = 400;
 
 /// What is compared at a point: ẋ, y, the next state, then both Jacobians; and where a run from rest ends whose inputs are those of one point after the other.
-struct Expected {
-    points: Vec<Vec<f64>>,
+pub(super) struct Expected {
+    pub(super) points: Vec<Vec<f64>>,
     values: Vec<[Vec<f64>; 5]>,
     end: Vec<f64>,
 }
 
-fn expected(exported: &Exported<'_>) -> Expected {
+pub(super) fn expected(exported: &Exported<'_>) -> Expected {
     let program = Program::of(exported).unwrap();
     let dynamics = exported.calibrated.model().at(exported.calibrated.z());
     let mut stepper = Stepper::new(exported.integrator());
@@ -50,7 +50,7 @@ fn expected(exported: &Exported<'_>) -> Expected {
     Expected { points, values, end }
 }
 
-fn compare(what: &str, expected: &Expected, output: &str, tolerances: [f64; 2]) -> [f64; 2] {
+pub(super) fn compare(what: &str, expected: &Expected, output: &str, tolerances: [f64; 2]) -> [f64; 2] {
     let mut numbers = output.split_whitespace().map(|word| word.parse::<f64>().unwrap());
     let mut worst = [0.0f64; 2];
     for values in &expected.values {
@@ -72,13 +72,13 @@ fn compare(what: &str, expected: &Expected, output: &str, tolerances: [f64; 2]) 
     worst
 }
 
-fn run(command: &mut Command) -> String {
+pub(super) fn run(command: &mut Command) -> String {
     let output = command.output().unwrap();
     assert!(output.status.success(), "{command:?}: {}", String::from_utf8_lossy(&output.stderr));
     String::from_utf8(output.stdout).unwrap()
 }
 
-fn numbers(points: &[Vec<f64>]) -> String {
+pub(super) fn numbers(points: &[Vec<f64>]) -> String {
     points.iter().flatten().fold(String::new(), |mut text, number| {
         let _ = write!(text, "{number:?}, ");
         text

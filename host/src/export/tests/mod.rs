@@ -1,6 +1,7 @@
 mod compiled;
 mod files;
 pub(crate) mod fixtures;
+mod fmu;
 mod mujoco;
 mod real;
 mod traced;
