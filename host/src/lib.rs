@@ -9,6 +9,7 @@ pub mod report;
 
 pub mod diagnose;
 pub mod observe;
+pub mod plan;
 
 pub mod export;
 pub mod fleet;

@@ -16,6 +16,7 @@ pub(crate) mod extension;
 mod fit;
 pub mod foresight;
 mod identify;
+pub mod information;
 mod law_rows;
 mod marginal;
 mod misfit;
