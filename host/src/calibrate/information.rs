@@ -12,9 +12,12 @@
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
+use super::noise::process_names;
 use super::noise_free::NoiseFree;
 use super::point::Point;
-use super::{CalibrateError, Preset, Problem, Series, identify, observability, start, summary};
+use super::{
+    CalibrateError, Calibration, Noise, NoiseSource, Preset, Problem, Series, identify, observability, start, summary,
+};
 use crate::model::{Model, rotation};
 use crate::recording::Recording;
 use crate::robot::{Robot, Symbol};
@@ -22,6 +25,59 @@ use solve::factor;
 
 /// A direction that the build of the robot hides is known this much better than to its size.
 const KNOWN: f64 = 1e12;
+
+/// Where the noise comes from that weights the rows.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Weights {
+    /// The robot file's for the sensors, the preset's for the steps of the model.
+    Assumed,
+    /// As a calibration would estimate it: sensors as they are here, by channel; of a step the integrator's own error in this motion, and beside it what the model
+    /// misses, by state component. Empty: the robot file's, and nothing.
+    Estimated {
+        /// Standard deviations by channel, in the channel's unit.
+        channels: Vec<f64>,
+        /// Standard deviations by state component over a sample period, each in its own unit.
+        missed: Vec<f64>,
+    },
+    /// That of another motion.
+    Given(Noise),
+}
+
+impl Weights {
+    /// Of a robot of which the model misses nothing.
+    pub const EXACT: Self = Self::Estimated { channels: Vec::new(), missed: Vec::new() };
+
+    /// As this calibration of the robot found them.
+    pub fn of(robot: &Robot, calibration: &Calibration) -> Self {
+        if calibration.noise_source == NoiseSource::Fixed {
+            return Self::Assumed;
+        }
+        let told = |name: &str| calibration.noise.iter().find(|noise| noise.channel == name);
+        let sigma = |channel: crate::robot::Channel| told(&channel.name).map_or(channel.sigma, |noise| noise.sigma);
+        let missed = |(name, _): (String, &str)| {
+            let noise = told(&name);
+            noise.map_or(0.0, |noise| (noise.sigma.powi(2) - noise.floor.unwrap_or(0.0).powi(2)).max(0.0).sqrt())
+        };
+        Self::Estimated {
+            channels: robot.channels().into_iter().map(sigma).collect(),
+            missed: process_names(robot, Model::new(robot).layout()).into_iter().map(missed).collect(),
+        }
+    }
+
+    fn weigh(&self, problem: &mut Problem<'_>, robot: &Robot, point: &Point<'_>) {
+        match self {
+            Self::Assumed => {}
+            Self::Given(noise) => problem.set_noise(noise.clone()),
+            Self::Estimated { channels, missed } => {
+                let mut noise = Noise::floor(problem, robot, point);
+                noise.channels = problem.noise().channels.clone();
+                noise.channels.iter_mut().zip(channels).for_each(|(sigma, known)| *sigma = *known);
+                noise.process.iter_mut().zip(missed).for_each(|(sigma, missed)| *sigma = sigma.hypot(*missed));
+                problem.set_noise(noise);
+            }
+        }
+    }
+}
 
 /// One parameter of an [`Information`].
 #[derive(Debug, Clone, PartialEq)]
@@ -49,6 +105,8 @@ pub struct Information {
     matrix: DMatrix<f64>,
     /// Σ v vᵀ of the hidden directions.
     hidden: DMatrix<f64>,
+    /// What the rows were weighted by.
+    pub noise: Noise,
 }
 
 impl Information {
@@ -56,13 +114,14 @@ impl Information {
     ///
     /// # Errors
     /// As a calibration's own.
-    pub fn of(robot: &Robot, values: &[f64], recording: &Recording) -> Result<Self, CalibrateError> {
+    pub fn of(robot: &Robot, values: &[f64], recording: &Recording, weights: &Weights) -> Result<Self, CalibrateError> {
         super::check(robot, &[recording], Preset::Default)?;
         let model = Model::new(robot);
         let series = Series::of(robot, &[recording]);
-        let problem = Problem::new(&model, robot, &series, Preset::Default.assumptions());
+        let mut problem = Problem::new(&model, robot, &series, Preset::Default.assumptions());
         let point = point_of(&model, robot, &series, values);
         let free = NoiseFree::of(&problem, &point);
+        weights.weigh(&mut problem, robot, &free.point);
         let unknowns = problem.border().size();
         let solver = factor::reduced(&problem, &free.point, 1).map_err(CalibrateError::Solve)?.0;
         let slopes = observability::physical_slopes(&model, &point.z, problem.border());
@@ -103,7 +162,8 @@ impl Information {
         }
         let free = DMatrix::identity(unknowns, unknowns) - &hidden;
         let matrix = &free * matrix * &free;
-        Ok(Self { parameters, matrix: 0.5 * (&matrix + matrix.transpose()), hidden })
+        let noise = problem.noise().clone();
+        Ok(Self { parameters, matrix: 0.5 * (&matrix + matrix.transpose()), hidden, noise })
     }
 
     /// Of no motion at all, for the same parameters.

@@ -1,13 +1,15 @@
 //! What the robot may be: parameters drawn from what is known of it.
 //!
 //! Before a calibration that is the description: the start value of a parameter of the dynamics may be off by a factor of two either
-//! way. After one it is the estimates and their covariance; what the calibration gave no number is drawn within ± 30 %.
+//! way. After one it is the estimates and their covariance; what the calibration gave no number is drawn within ± 30 %. The noise of the
+//! model's steps, which decides what errors a motion leaves, is that of the calibration; before one it is open as well.
 
 use nalgebra::{DMatrix, DVector};
 use rand::{Rng, RngExt};
 use rand_distr::{Distribution, StandardNormal};
 
 use super::PlanError;
+use crate::calibrate::information::Weights;
 use crate::calibrate::{CalibrateError, Calibration};
 use crate::recording::Recording;
 use crate::robot::{ParameterSpec, Robot, Symbol};
@@ -41,6 +43,7 @@ enum Spread {
     Calibrated {
         places: Vec<usize>,
         root: DMatrix<f64>,
+        weights: Weights,
     },
 }
 
@@ -69,7 +72,8 @@ impl Belief {
         let sizes = eigen.eigenvalues.map(|value| value.max(0.0).sqrt());
         let root = eigen.eigenvectors * DMatrix::from_diagonal(&sizes);
         let places = rows.into_iter().map(|(_, place)| place).collect();
-        Self { robot, known: Vec::new(), likely, spread: Spread::Calibrated { places, root } }
+        let weights = Weights::of(&robot, calibration);
+        Self { robot, known: Vec::new(), likely, spread: Spread::Calibrated { places, root, weights } }
     }
 
     /// The same, with a recording of the robot, to which a motion is to add.
@@ -89,6 +93,16 @@ impl Belief {
     /// Whether a calibration stands behind it.
     pub fn is_calibrated(&self) -> bool {
         matches!(self.spread, Spread::Calibrated { .. })
+    }
+
+    /// The noise of the n-th robot, counted from 0: as the calibration found it. Before one it is the preset's on every other robot, and on the
+    /// others none but the sensors' and the integrator's.
+    pub fn weights(&self, nth: usize) -> Weights {
+        match &self.spread {
+            Spread::Calibrated { weights, .. } => weights.clone(),
+            Spread::Description if nth % 2 == 0 => Weights::Assumed,
+            Spread::Description => Weights::EXACT,
+        }
     }
 
     /// The likeliest robot.
@@ -112,7 +126,7 @@ impl Belief {
                     }
                 }
             }
-            Spread::Calibrated { places, root } => {
+            Spread::Calibrated { places, root, .. } => {
                 for (place, (spec, value)) in specs.iter().zip(&mut values).enumerate() {
                     let factor = 1.0 + rng.random_range(-UNTOLD_OFF..UNTOLD_OFF);
                     if is_open(&self.robot, spec) && !places.contains(&place) {

@@ -31,7 +31,7 @@ pub use result::{ExpectedError, JointDemand, Plan};
 use trial::{Conduct, Trial, try_all};
 
 use crate::calibrate::CalibrateError;
-use crate::calibrate::information::Information;
+use crate::calibrate::information::{Information, Weights};
 use crate::link::joint_limits;
 use crate::robot::InputUnit;
 use crate::simulate::{Rehearsal, SimulateError, Truth};
@@ -157,6 +157,8 @@ struct Bench<'a> {
     limits: Vec<Limits>,
     /// The first [`ROBOTS`] of them judge; the likeliest is the first.
     robots: Vec<Truth>,
+    /// What rows of those that judge are weighted by.
+    weights: Vec<Weights>,
     preset: Motion,
     preset_trials: Vec<Trial>,
     left_out: usize,
@@ -260,7 +262,7 @@ impl<'a> Bench<'a> {
     ) -> Result<Self, PlanError> {
         let limits = joint_limits(&belief.robot);
         let preset = preset::calibration(&limits);
-        let (mut robots, mut preset_trials) = (Vec::new(), Vec::new());
+        let (mut robots, mut weights, mut preset_trials) = (Vec::new(), Vec::new(), Vec::new());
         let (mut drawn, mut stopped, mut how) = (0, 0, String::new());
         while robots.len() < ROBOTS + MORE_ROBOTS {
             // The first ones judge.
@@ -268,12 +270,15 @@ impl<'a> Bench<'a> {
             let wanted = (if judge { ROBOTS } else { ROBOTS + MORE_ROBOTS }) - robots.len();
             let truths: Vec<Truth> =
                 (0..wanted).map(|i| if drawn + i == 0 { belief.likely() } else { belief.draw(rng) }).collect();
-            let tried = try_all(belief, &truths, std::slice::from_ref(&preset), judge, settings.threads, go_on)?;
+            let noise: Vec<Weights> = (0..wanted).map(|i| belief.weights(drawn + i)).collect();
+            let judged = judge.then_some(&noise[..]);
+            let tried = try_all(belief, &truths, std::slice::from_ref(&preset), judged, settings.threads, go_on)?;
             let tried = tried.ok_or(PlanError::NoTime)?;
             drawn += wanted;
-            for (truth, trial) in truths.into_iter().zip(tried.into_iter().flatten()) {
+            for ((truth, noise), trial) in truths.into_iter().zip(noise).zip(tried.into_iter().flatten()) {
                 if trial.conduct.end == MotionEnd::Finished {
                     robots.push(truth);
+                    weights.push(noise);
                     preset_trials.push(trial);
                 } else {
                     stopped += 1;
@@ -285,7 +290,8 @@ impl<'a> Bench<'a> {
                 return Err(PlanError::PresetStopped { stopped, drawn, how });
             }
         }
-        Ok(Self { belief, settings, limits, robots, preset, preset_trials, left_out: stopped })
+        weights.truncate(ROBOTS);
+        Ok(Self { belief, settings, limits, robots, weights, preset, preset_trials, left_out: stopped })
     }
 
     /// What plans are held against: the preset, as long as the plan; and what recordings tell already.
@@ -295,8 +301,10 @@ impl<'a> Bench<'a> {
         for (robot, trial) in self.robots.iter().zip(&self.preset_trials).take(ROBOTS) {
             let preset = trial.information.as_ref().ok_or(PlanError::NoneKeepsLimits)?;
             let mut before = preset.nothing();
+            // Noise as the preset has it.
+            let weights = Weights::Given(preset.noise.clone());
             for recording in &self.belief.known {
-                let told = Information::of(&self.belief.robot, robot.as_slice(), recording)?;
+                let told = Information::of(&self.belief.robot, robot.as_slice(), recording, &weights)?;
                 before.add(&told.without_biases(), 1.0);
             }
             let mut with_preset = before.clone();
@@ -337,12 +345,12 @@ impl<'a> Bench<'a> {
             let blocks: Vec<&Block> = choice.blocks.iter().map(|&place| &pool.blocks[place]).collect();
             let (motion, owners) = block::motion("planned", &blocks, &self.limits, false);
             let motions = std::slice::from_ref(&motion);
-            let whole = |robots: &[Truth], judge| -> Result<Vec<Trial>, PlanError> {
-                let tried = try_all(self.belief, robots, motions, judge, self.settings.threads, &|| true)?;
+            let whole = |robots: &[Truth], weights| -> Result<Vec<Trial>, PlanError> {
+                let tried = try_all(self.belief, robots, motions, weights, self.settings.threads, &|| true)?;
                 Ok(tried.into_iter().flatten().flatten().collect())
             };
-            let mut trials = whole(&self.robots[..ROBOTS], true)?;
-            trials.extend(whole(&self.robots[ROBOTS..], false)?);
+            let mut trials = whole(&self.robots[..ROBOTS], Some(&self.weights[..]))?;
+            trials.extend(whole(&self.robots[ROBOTS..], None)?);
             let bad = trials.iter().enumerate().filter(|(robot, trial)| !self.holds(*robot, &trial.conduct));
             let segments = bad.map(|(_, trial)| usize::from(trial.conduct.hardest_segment));
             let mut left_out: Vec<usize> =
@@ -396,7 +404,13 @@ impl Pool {
         let motions: Vec<Motion> =
             fresh.iter().map(|block| block::motion("block", &[block], &bench.limits, true).0).collect();
         let robots = &bench.robots[..ROBOTS];
-        let Some(trials) = try_all(bench.belief, robots, &motions, true, bench.settings.threads, go_on)? else {
+        // A block has a part in the whole motion's noise only: the preset's stands for that.
+        let noise = |trial: &Trial| {
+            trial.information.as_ref().map_or(Weights::Assumed, |told| Weights::Given(told.noise.clone()))
+        };
+        let weights: Vec<Weights> = bench.preset_trials[..ROBOTS].iter().map(noise).collect();
+        let Some(trials) = try_all(bench.belief, robots, &motions, Some(&weights), bench.settings.threads, go_on)?
+        else {
             return Ok(false);
         };
         self.tried += fresh.len();
