@@ -10,6 +10,7 @@ pub mod report;
 
 pub mod diagnose;
 pub mod observe;
+pub mod plan;
 
 pub mod export;
 pub mod fleet;

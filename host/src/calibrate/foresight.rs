@@ -4,7 +4,7 @@
 use crate::model::Model;
 use crate::recording::check::{About, Check, Finding};
 use crate::recording::{Recording, Severity};
-use crate::robot::{Robot, Transmission};
+use crate::robot::{InputUnit, Robot, Transmission};
 use solve::border::Border;
 use solve::levenberg::Settings;
 
@@ -86,6 +86,10 @@ fn advice(robot: &Robot) -> String {
     }
     if robot.gyros().next().is_some() {
         advice += ", large angles of all joints for a gyro's rotation, rest before the motion for its bias";
+    }
+    if robot.input.unit == InputUnit::Duty {
+        let name = Robot::builtin_names().find(|name| *name == robot.name).unwrap_or("ROBOT.toml");
+        advice += &format!("; or let the motion be planned: host plan {name} -o planned.toml");
     }
     advice
 }

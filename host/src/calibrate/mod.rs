@@ -15,6 +15,7 @@ pub(crate) mod extension;
 mod fit;
 pub mod foresight;
 mod identifiability;
+pub mod information;
 mod initial_guess;
 mod noise_estimate;
 mod requirements;

@@ -5,6 +5,7 @@ use clap::builder::PossibleValue;
 
 use crate::calibrate::{NoiseSource, Preset};
 use crate::fleet::By;
+use crate::plan::Criterion;
 use crate::recording::import::EmptyInputs;
 use crate::simulate::Pace;
 
@@ -35,6 +36,21 @@ impl ValueEnum for NoiseSource {
             NoiseSource::Estimated => {
                 PossibleValue::new("estimated").help("The recording itself, by restricted maximum likelihood")
             }
+        })
+    }
+}
+
+impl ValueEnum for Criterion {
+    fn value_variants<'a>() -> &'a [Self] {
+        &[Criterion::A, Criterion::D]
+    }
+
+    fn to_possible_value(&self) -> Option<PossibleValue> {
+        Some(match self {
+            Criterion::A => {
+                PossibleValue::new("a").help("Mean square of the relative errors of the dynamic parameters")
+            }
+            Criterion::D => PossibleValue::new("d").help("Volume of the ellipsoid of the same errors"),
         })
     }
 }

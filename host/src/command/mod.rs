@@ -20,6 +20,7 @@ mod effects;
 mod export;
 mod import;
 mod observe;
+mod plan;
 mod ports;
 mod record;
 mod repair;
@@ -63,6 +64,7 @@ struct Cli {
 enum Verb {
     Ports(ports::Args),
     Simulate(simulate::Args),
+    Plan(plan::Args),
     Record(record::Args),
     Demo(demo::Args),
     Import(import::Args),
@@ -89,6 +91,7 @@ pub fn main() -> ExitCode {
     let ended = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| match cli.verb {
         Verb::Ports(args) => ports::run(args, &ui),
         Verb::Simulate(args) => simulate::run(args, &ui),
+        Verb::Plan(args) => plan::run(args, &ui),
         Verb::Record(args) => record::run(args, &ui),
         Verb::Demo(args) => demo::run(args, &ui),
         Verb::Import(args) => import::run(args, &ui),

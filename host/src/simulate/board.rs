@@ -34,6 +34,8 @@ pub struct Board {
     /// Clock at the start of the firmware, ns: device time counts from here.
     started_ns: u64,
     preloaded: [f64; MAX_JOINTS],
+    /// What the last tick read, and the duty in force in it.
+    last: (Inputs, [f64; MAX_JOINTS]),
 }
 
 /// The firmware's driver of a gyro chip.
@@ -56,6 +58,7 @@ impl Board {
             gyros: Vec::new(),
             started_ns: 0,
             preloaded: [0.0; MAX_JOINTS],
+            last: Default::default(),
             world,
         };
         board.set_up()?;
@@ -70,6 +73,11 @@ impl Board {
     /// The firmware's control loop, to look at.
     pub fn control(&self) -> &ControlLoop {
         self.core.control()
+    }
+
+    /// What the last tick read, and the duty in force from it to the next one, as fractions of full.
+    pub(super) fn last_tick(&self) -> (&Inputs, &[f64; MAX_JOINTS]) {
+        (&self.last.0, &self.last.1)
     }
 
     /// What the firmware does before its first tick: sets the gyros up, starts its clock.
@@ -132,6 +140,7 @@ impl Microcontroller for Board {
         let in_force = if outputs.stop { [0.0; MAX_JOINTS] } else { self.preloaded };
         self.world.pass(&in_force);
         self.preloaded = fractions(outputs.duty);
+        self.last = (inputs, in_force);
         Ok(())
     }
 

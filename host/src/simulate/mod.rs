@@ -22,9 +22,11 @@ mod noise;
 mod options;
 mod plant;
 mod pty;
+mod rehearsal;
 mod session;
 mod simulator;
 mod truth;
+mod wires;
 mod world;
 
 #[cfg(test)]
@@ -39,6 +41,7 @@ pub use microcontroller::Microcontroller;
 pub(crate) use options::parse_scale;
 pub use options::{EffectChoice, Fault, Options, Pace};
 pub use plant::{Plant, ProcessNoise, STEP_S};
+pub use rehearsal::{JointPeaks, Rehearsal};
 pub use session::FaultCounts;
 pub use simulator::{Drawn, EffectTruth, SimulationReport, Simulator};
 pub use truth::Truth;

@@ -18,6 +18,16 @@ pub struct Truth {
 }
 
 impl Truth {
+    /// A robot of its own: a value for each of [`Robot::parameters`], in their order.
+    pub fn of(values: Vec<f64>) -> Self {
+        Self { values }
+    }
+
+    /// The values, in the order of [`Robot::parameters`].
+    pub fn as_slice(&self) -> &[f64] {
+        &self.values
+    }
+
     /// The average simulated robot of this description, with its gyros mounted exactly.
     pub fn nominal(robot: &Robot) -> Self {
         Self { values: robot.parameters().iter().map(|spec| spec.value.simulated).collect() }

@@ -35,9 +35,9 @@ const LEAST_INFORMATION: f64 = 1.96 * 1.96;
 const SLIDING: f64 = 2.0;
 
 /// A gyro is mounted by eye: 20°.
-const MOUNTING_RAD: f64 = 0.35;
+pub(crate) const MOUNTING_RAD: f64 = 0.35;
 /// Offset of a cheap gyro before anybody looked at it: 6 deg/s.
-const OFFSET_RAD_S: f64 = 0.1;
+pub(crate) const OFFSET_RAD_S: f64 = 0.1;
 /// Where there is no guess, as for a parameter that starts at zero: less than 1e-9 of the information that it would have alone.
 const ALONE: f64 = 1e-9;
 
@@ -94,7 +94,7 @@ pub(crate) fn judge(
 }
 
 /// Coulomb friction of joints that never slid.
-fn sticking(problem: &Problem<'_>, robot: &Robot, moved: &[Moved]) -> Vec<Held> {
+pub(crate) fn sticking(problem: &Problem<'_>, robot: &Robot, moved: &[Moved]) -> Vec<Held> {
     let stuck = |joint: usize| match robot.joints[joint].friction {
         Friction::None => None,
         Friction::Coulomb { speed, slope_s, .. } => {

@@ -85,6 +85,11 @@ fn columns(problem: &Problem<'_>, robot: &Robot, start: &Point<'_>, end: &Point<
     columns
 }
 
+/// Name, unit and value of every result at a point.
+pub(crate) fn values(problem: &Problem<'_>, robot: &Robot, point: &Point<'_>) -> Vec<(String, &'static str, f64)> {
+    columns(problem, robot, point, point).into_iter().map(|c| (c.name, c.unit, c.estimate)).collect()
+}
+
 /// The covariance of the results: of the rotations relative to their nominal values too. There a turn that is hardly known about one axis
 /// reaches the others. Unknowns in `wider` have so many times their standard error.
 fn physical_covariance(

@@ -1,0 +1,121 @@
+//! `host plan` as a user meets it: the commands of host/doc/plan.md, what the plan promises, the same file for the same seed, refusals.
+
+mod program;
+
+use std::path::Path;
+
+use assert_cmd::Command;
+use program::{host, json};
+use protocol::Motion;
+use serde_json::Value;
+
+/// The commands of the document, without the program's name.
+fn commands() -> Vec<Vec<String>> {
+    let document = include_str!("../doc/plan.md");
+    let block = document.split("```sh\n").nth(1).and_then(|rest| rest.split("```").next()).unwrap();
+    block.lines().map(|line| line.split_whitespace().skip(1).map(str::to_owned).collect()).collect()
+}
+
+fn motion(path: &Path) -> Motion {
+    toml::from_str(&std::fs::read_to_string(path).unwrap()).unwrap()
+}
+
+fn named<'a>(list: &'a Value, name: &str) -> Option<&'a Value> {
+    list.as_array().unwrap().iter().find(|p| p["name"] == name)
+}
+
+/// A plan from a calibration: it is played without a stop, and the errors that it promises are those of the calibration on it.
+#[test]
+fn what_a_plan_promises_holds() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let short = concat!(env!("CARGO_MANIFEST_DIR"), "/src/simulate/motion/short.toml");
+    std::fs::copy(short, at("short.toml")).unwrap();
+    for command in commands() {
+        let words: Vec<&str> = command.iter().map(String::as_str).collect();
+        let (arguments, to) = match words.iter().position(|word| *word == ">") {
+            Some(at) => (&words[..at], Some(words[at + 1])),
+            None => (&words[..], None),
+        };
+        let output =
+            Command::new(env!("CARGO_BIN_EXE_host")).current_dir(folder.path()).args(arguments).output().unwrap();
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(0), "{arguments:?}: {said}");
+        if let Some(name) = to {
+            std::fs::write(at(name), &output.stdout).unwrap();
+        }
+        if command[0] == "plan" {
+            assert!(
+                said.contains("expected errors") && said.contains("host record --port PORT --motion planned.toml"),
+                "{said}"
+            );
+        }
+    }
+    let page = std::fs::read_to_string(at("planned.html")).unwrap();
+    assert!(page.contains("Expected standard errors") && page.contains("Motor positions"));
+    let (promised, first, second) = (json(&at("expected.json")), json(&at("first.json")), json(&at("second.json")));
+    let truth = json(&at("truth.json"));
+    assert!(promised["duration_s"].as_f64().unwrap() <= 24.0, "{}", promised["duration_s"]);
+    assert_eq!(motion(&at("planned.toml")).segments.len() as u64, promised["segments"].as_u64().unwrap());
+    let mut better = Vec::new();
+    for p in promised["parameters"].as_array().unwrap().iter().filter(|p| !p["ratio"].is_null()) {
+        let name = p["name"].as_str().unwrap();
+        let expected = p["std_error"].as_f64().unwrap();
+        let of = |calibration: &Value, field: &str| {
+            named(&calibration["parameters"], name).unwrap()[field].as_f64().unwrap()
+        };
+        let error = of(&second, "std_error");
+        let off = of(&second, "estimate") - named(&truth["truth"], name).unwrap()["value"].as_f64().unwrap();
+        eprintln!(
+            "{name:8} promised ± {expected:.3e}, calibrated ± {error:.3e}, off by {:.2} promised errors",
+            off / expected
+        );
+        // The noise is known to the plan and estimated by the calibration, and the robot plays on with other parameters than planned.
+        assert!((0.7..1.4).contains(&(error / expected)), "{name}: promised ± {expected}, calibrated ± {error}");
+        // Of eleven parameters the largest is beyond 4 in one case of a thousand.
+        assert!(off.abs() < 4.0 * expected, "{name}: off by {off}, promised ± {expected}");
+        better.push((error / of(&first, "std_error")).ln());
+    }
+    assert_eq!(better.len(), 12);
+    // The short motion has the same length.
+    let mean = (better.iter().sum::<f64>() / better.len() as f64).exp();
+    assert!(mean < 0.9, "errors are {mean} of those by the short motion");
+}
+
+#[test]
+fn the_same_seed_gives_the_same_motion() {
+    let folder = tempfile::tempdir().unwrap();
+    let plan = |seed: &str, name: &str| {
+        host(
+            folder.path(),
+            &["plan", "-q", "one_joint", "--length", "12", "--rounds", "0", "--seed", seed, "-o", name],
+            0,
+        );
+        std::fs::read_to_string(folder.path().join(name)).unwrap()
+    };
+    let (one, again, other) = (plan("1", "a.toml"), plan("1", "b.toml"), plan("2", "c.toml"));
+    assert_eq!(one, again);
+    assert_ne!(one, other);
+    let said = host(folder.path(), &["plan", "one_joint", "-o", "a.toml"], 2);
+    assert!(said.contains("--force"), "{said}");
+}
+
+#[test]
+fn what_cannot_be_planned_is_refused_with_advice() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("cal.json"), "{}").unwrap();
+    for (arguments, code, told) in [
+        (&["plan", "dogy", "-o", "m.toml"][..], 2, "did you mean `doggy`"),
+        (&["plan", "emps", "-o", "m.toml"], 4, "robots that the firmware drives"),
+        (&["plan", "doggy", "--length", "4", "-o", "m.toml"], 2, "give a longer --length"),
+        (&["plan", "doggy", "--length", "-1", "-o", "m.toml"], 2, "seconds above 0"),
+        (&["plan", "doggy", "--duty", "1.5", "-o", "m.toml"], 2, "up to 1"),
+        (&["plan", "cal.json", "-o", "m.toml"], 4, "host calibrate -o"),
+        (&["plan", "none.json", "-o", "m.toml"], 3, "cannot read none.json"),
+        (&["plan", "doggy", "--time-limit", "0.001", "-o", "m.toml"], 5, "--time-limit"),
+    ] {
+        let said = host(folder.path(), arguments, code);
+        assert!(said.contains(told), "{arguments:?}: {said}");
+        assert!(!folder.path().join("m.toml").exists());
+    }
+}
