@@ -34,6 +34,8 @@ pub struct Board {
     /// Clock at the start of the firmware, ns: device time counts from here.
     started_ns: u64,
     preloaded: [f64; MAX_JOINTS],
+    /// How far each joint was from its marked pose at most, rad or m.
+    farthest: Vec<f64>,
 }
 
 /// The firmware's driver of a gyro chip.
@@ -56,6 +58,7 @@ impl Board {
             gyros: Vec::new(),
             started_ns: 0,
             preloaded: [0.0; MAX_JOINTS],
+            farthest: vec![0.0; robot.joints.len()],
             world,
         };
         board.set_up()?;
@@ -124,15 +127,27 @@ impl Microcontroller for Board {
         if control.state() == (State::Waiting { at_seq: control.next_seq() }) {
             self.world.begin_motion();
         }
+        let was_jogging = matches!(control.state(), State::Jogging { .. });
         let now_us = (self.world.clock().now_ns() - self.started_ns) / 1000;
         let inputs = self.read_sensors();
         // The device's clock wraps, as its 32 bits do.
         let outputs = self.core.tick(now_us as u32, &inputs);
 
+        if !was_jogging && matches!(self.core.control().state(), State::Jogging { .. }) {
+            self.world.begin_motion();
+        }
         let in_force = if outputs.stop { [0.0; MAX_JOINTS] } else { self.preloaded };
         self.world.pass(&in_force);
         self.preloaded = fractions(outputs.duty);
+        for (joint, farthest) in self.farthest.iter_mut().enumerate() {
+            let [link, _, motor, _] = self.world.plant().joint_state(joint);
+            *farthest = farthest.max(link.abs()).max(motor.abs());
+        }
         Ok(())
+    }
+
+    fn farthest(&self) -> Vec<f64> {
+        self.farthest.clone()
     }
 
     fn reset(&mut self) -> Result<(), SimulateError> {
