@@ -11,6 +11,7 @@
 //! carries results), `interrupt` (Ctrl-C), [`NewFile`], [`LiveFile`] and [`ResultArgs`] (files that are never overwritten unasked),
 //! `choices` (what the library's enums are called on the command line).
 
+mod bringup;
 mod calibrate;
 mod check;
 mod completions;
@@ -27,6 +28,7 @@ mod robot;
 mod simulate;
 mod table;
 mod verify;
+mod watch;
 
 mod choices;
 mod exit;
@@ -64,6 +66,8 @@ struct Cli {
 enum Verb {
     Ports(ports::Args),
     Simulate(simulate::Args),
+    Watch(watch::Args),
+    Bringup(bringup::Args),
     Record(record::Args),
     Demo(demo::Args),
     Import(import::Args),
@@ -90,6 +94,8 @@ pub fn main() -> ExitCode {
     let ended = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| match cli.verb {
         Verb::Ports(args) => ports::run(args, &ui),
         Verb::Simulate(args) => simulate::run(args, &ui),
+        Verb::Bringup(args) => bringup::run(args, &ui),
+        Verb::Watch(args) => watch::run(args, &ui),
         Verb::Record(args) => record::run(args, &ui),
         Verb::Demo(args) => demo::run(args, &ui),
         Verb::Import(args) => import::run(args, &ui),
