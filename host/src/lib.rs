@@ -16,6 +16,9 @@ pub mod export;
 pub mod fleet;
 pub mod verify;
 
+pub mod bringup;
+pub mod watch;
+
 pub mod calibrate;
 pub mod link;
 pub mod simulate;

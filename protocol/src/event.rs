@@ -63,6 +63,13 @@ pub enum EventKind {
     FaultRaised(Fault),
     /// The fault was cleared.
     FaultCleared,
+    /// A jog ended; the duty is zero.
+    JogEnded {
+        /// Index of the joint, from 0.
+        joint: u8,
+        /// Why it ended.
+        end: MotionEnd,
+    },
 }
 
 /// Why a motion ended.

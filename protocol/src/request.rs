@@ -16,13 +16,18 @@ use serde::{Deserialize, Serialize};
 use crate::{
     event::{Fault, MotionEnd},
     motion::{Header, MotionError, Segment},
-    units::MotionId,
+    units::{Duty, MotionId},
 };
 
 /// Device time without a heartbeat after which the device stops a motion, µs.
 pub const HEARTBEAT_TIMEOUT_US: u32 = 100_000;
 /// Host time between heartbeats, ms; they come sooner when samples come faster than in real time.
 pub const HEARTBEAT_PERIOD_MS: u64 = 20;
+
+/// Largest duty of a jog, magnitude.
+pub const MAX_JOG_DUTY: Duty = Duty(1500);
+/// Longest jog, ms.
+pub const MAX_JOG_MS: u8 = 200;
 
 /// A request.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
@@ -65,6 +70,17 @@ pub enum Command {
         /// The tick in which the first segment begins, or the next one.
         at_seq: Option<u32>,
     },
+    /// One joint is driven by this duty for so long, then all motors are off. For a robot that is brought up: no zero
+    /// positions are needed. Every watch is awake, as in a motion. Refused while a motion or another jog runs, while a fault
+    /// is latched or something would stop a motion, and beyond [`MAX_JOG_DUTY`] and [`MAX_JOG_MS`].
+    Jog {
+        /// Index of the joint, from 0.
+        joint: u8,
+        /// Its duty.
+        duty: Duty,
+        /// How long, ms; 1 or more.
+        duration_ms: u8,
+    },
     /// Zero duty at once, the motion is over. Never refused.
     Stop,
     /// Forget the latched fault. Refused while its cause lasts.
@@ -80,7 +96,9 @@ impl Command {
             Self::Status | Self::Stop | Self::ClearFault | Self::UploadBegin { .. } | Self::UploadSegment { .. } => {
                 true
             }
-            Self::Stream { .. } | Self::SetZero | Self::UploadEnd { .. } | Self::Start { .. } => false,
+            Self::Stream { .. } | Self::SetZero | Self::UploadEnd { .. } | Self::Start { .. } | Self::Jog { .. } => {
+                false
+            }
         }
     }
 
@@ -148,6 +166,25 @@ pub enum Refusal {
     /// The robot moves, or a sensor is silent: no zero can be taken.
     #[error("the sensors are not quiet: hold the robot still and try again")]
     NotQuiet,
+    /// A jog of a joint that is not there.
+    #[error("there is no joint {}: the robot has {joints}", joint + 1)]
+    NoSuchJoint {
+        /// Which was asked for, from 0.
+        joint: u8,
+        /// How many there are.
+        joints: u8,
+    },
+    /// A jog beyond its bounds.
+    #[error(
+        "a jog of duty {} for {duration_ms} ms is beyond its bounds: at most {} for 1 to {MAX_JOG_MS} ms",
+        duty.fraction(), MAX_JOG_DUTY.fraction()
+    )]
+    JogBounds {
+        /// The duty asked for.
+        duty: Duty,
+        /// For how long, ms.
+        duration_ms: u8,
+    },
 }
 
 /// What the device is doing.
@@ -167,6 +204,11 @@ pub enum State {
     },
     /// Zero duty, a fault is latched.
     Fault(Fault),
+    /// One joint is driven for a moment.
+    Jogging {
+        /// Index of the joint, from 0.
+        joint: u8,
+    },
 }
 
 /// Where the device stands. Sent on [`Command::Status`].

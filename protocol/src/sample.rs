@@ -147,6 +147,8 @@ bitflags::bitflags! {
         const GYRO1_SATURATED = 1 << 11;
         /// Gyro 2 is at the end of its range on some axis.
         const GYRO2_SATURATED = 1 << 12;
+        /// The emergency stop is pressed in this tick, or its wire is broken.
+        const STOP_PRESSED = 1 << 13;
     }
 }
 
@@ -310,7 +312,7 @@ impl Reader<'_> {
 /// What the schema key says about the sample, whose bytes are written by hand: change it with them.
 impl Schema for Sample {
     const SCHEMA: &'static NamedType = &NamedType {
-        name: "Sample: tag seq t_us counts words duty motion phase flags:0x1fff execution/4us jitter_us, fixed, LE, 1",
+        name: "Sample: tag seq t_us counts words duty motion phase flags:0x3fff execution/4us jitter_us, fixed, LE, 1",
         ty: &DataModelType::ByteArray,
     };
 }

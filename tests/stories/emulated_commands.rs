@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use host::link::{self, Device, LinkError};
 use protocol::motion::{MAX_MOTION_MS, MAX_SEGMENT_MS};
-use protocol::{Action, Motion, MotionError, MotionId, Refusal};
+use protocol::{Action, Duty, Motion, MotionError, MotionId, Refusal};
 use rand::{RngExt, SeedableRng};
 use tests::machine::{Emulated, Log, Options, Recorded, SWING};
 
@@ -44,7 +44,7 @@ fn a_megabyte_of_nonsense_is_survived() {
 }
 
 #[test]
-fn motions_that_break_a_rule_are_refused_and_nothing_moves() {
+fn motions_and_jogs_that_break_a_rule_are_refused_and_nothing_moves() {
     let machine = Emulated::start(&Options { seed: 3, ..Options::default() });
     let mut device = Device::open(&machine.port().display().to_string(), &link::Options::default()).unwrap();
     device.settle().unwrap();
@@ -82,6 +82,16 @@ fn motions_that_break_a_rule_are_refused_and_nothing_moves() {
     device.stream().unwrap();
     let nothing_there = device.start(MotionId(1), None).unwrap_err();
     assert!(nothing_there.to_string().contains("is not there"), "{nothing_there}");
+    for (joint, duty, duration_ms, reason) in [
+        (0, 1501, 50, Refusal::JogBounds { duty: Duty(1501), duration_ms: 50 }),
+        (0, -1500, 201, Refusal::JogBounds { duty: Duty(-1500), duration_ms: 201 }),
+        (3, 500, 50, Refusal::NoSuchJoint { joint: 3, joints: 3 }),
+    ] {
+        match device.jog(joint, Duty(duty), duration_ms) {
+            Err(LinkError::Refused { refusal, .. }) => assert_eq!(*refusal, reason),
+            other => panic!("not refused: {other:?}"),
+        }
+    }
     drop(device);
     let at_rest = machine.so_far(|log| log.periods.iter().all(|period| period.duty.iter().all(|duty| duty.0 == 0)));
     assert!(at_rest, "nothing moved");

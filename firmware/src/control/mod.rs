@@ -58,6 +58,16 @@ enum Activity {
     Idle,
     Waiting { at_seq: u32 },
     Running(Player),
+    Jogging(Jog),
+}
+
+/// One joint driven for a moment.
+#[derive(Clone, Copy, Debug)]
+struct Jog {
+    joint: u8,
+    duty: Duty,
+    /// Ticks in which the duty is still asked for.
+    ticks: u32,
 }
 
 /// The control loop of a robot.
@@ -167,6 +177,7 @@ impl ControlLoop {
         flags.set(Flags::OVERRUN, timing.overrun || inputs.dropped);
         flags.set(Flags::ZEROED, self.sensors.zero.is_some());
         flags.set(Flags::FAULT, self.fault.is_some());
+        flags.set(Flags::STOP_PRESSED, inputs.emergency_stop);
         flags.set(Flags::RUNNING, phase.is_some());
         let sample = Sample {
             seq: now.seq,
@@ -192,6 +203,7 @@ impl ControlLoop {
             (Activity::Idle, None) => State::Idle,
             (Activity::Waiting { at_seq }, None) => State::Waiting { at_seq: *at_seq },
             (Activity::Running(player), None) => State::Running { phase: player.phase() },
+            (Activity::Jogging(jog), None) => State::Jogging { joint: jog.joint },
         }
     }
 
@@ -205,7 +217,7 @@ impl ControlLoop {
         self.seq
     }
 
-    /// Whether a motion is being played or its start awaited.
+    /// Whether a motion is being played or its start awaited, or a joint jogged.
     fn busy(&self) -> bool {
         !matches!(self.activity, Activity::Idle)
     }
@@ -266,12 +278,15 @@ impl ControlLoop {
         }
     }
 
-    /// Ends the motion, if there is one.
+    /// Ends the motion or the jog, if there is one.
     fn end_motion(&mut self, now: Now, end: MotionEnd, ends: &mut TickEnds<'_>) {
-        if self.busy() {
-            self.activity = Activity::Idle;
-            self.last_end = Some((self.motion_id, end));
-            self.tell(now, EventKind::MotionEnded { motion: self.motion_id, end }, ends);
+        match core::mem::replace(&mut self.activity, Activity::Idle) {
+            Activity::Idle => {}
+            Activity::Jogging(Jog { joint, .. }) => self.tell(now, EventKind::JogEnded { joint, end }, ends),
+            Activity::Waiting { .. } | Activity::Running(_) => {
+                self.last_end = Some((self.motion_id, end));
+                self.tell(now, EventKind::MotionEnded { motion: self.motion_id, end }, ends);
+            }
         }
     }
 
@@ -289,6 +304,18 @@ impl ControlLoop {
             let player = Player::new(ends.motion, scales, &self.sensors.positions, TICK_US);
             self.activity = Activity::Running(player);
             self.tell(now, EventKind::MotionStarted(self.motion_id), ends);
+        }
+        if let Activity::Jogging(jog) = &mut self.activity {
+            let Some(left) = jog.ticks.checked_sub(1) else {
+                self.end_motion(now, MotionEnd::Finished, ends);
+                return idle;
+            };
+            jog.ticks = left;
+            let mut duty = [Duty::ZERO; MAX_JOINTS];
+            if let Some(asked) = duty.get_mut(usize::from(jog.joint)) {
+                *asked = jog.duty;
+            }
+            return (None, duty);
         }
         let Activity::Running(player) = &mut self.activity else {
             return idle;
@@ -315,7 +342,9 @@ impl ControlLoop {
             return (duty, flags);
         }
         for (index, joint) in self.joints.iter().enumerate() {
-            let (position, speed) = (self.sensors.positions[index], self.sensors.speeds[index]);
+            // Without zero positions, where only a jog drives, nobody knows how far the limits are.
+            let known = self.sensors.zero.map(|_| self.sensors.positions[index]);
+            let (position, speed) = (known.unwrap_or(joint.envelope.middle()), self.sensors.speeds[index]);
             let lowered = joint.envelope.lower(asked[index], self.preloaded[index], position, speed);
             duty[index] = lowered.duty;
             flags.set(Flags::DUTY_LIMITED, flags.contains(Flags::DUTY_LIMITED) || lowered.by_ceiling);

@@ -5,13 +5,16 @@
 //!   Idle ──▶ (zero known) ──▶ (motion there) ──▶ Waiting ──────▶ Running ──▶ Idle     finished or stopped
 //!     ▲                                            ╰──── fault ────┤
 //!     ╰──────────────── ClearFault ─────────────── Fault ◀─────────╯
+//!
+//!   Idle ── Jog ──▶ Jogging ──▶ Idle     after its time, or stopped; a fault as from a motion. No zero is needed.
 //! ```
 
 use protocol::motion::{Header, Limits, Motion, Segment};
-use protocol::request::{Command, Status};
-use protocol::{EventKind, Fault, MAX_JOINTS, MotionEnd, MotionError, MotionId, Refusal};
+use protocol::request::{Command, MAX_JOG_DUTY, MAX_JOG_MS, Status};
+use protocol::{Duty, EventKind, Fault, MAX_JOINTS, MotionEnd, MotionError, MotionId, Refusal};
 
-use super::{Activity, ControlLoop, Inputs, Now, reply};
+use super::{Activity, ControlLoop, Inputs, Jog, Now, reply};
+use crate::constants::TICK_US;
 use crate::queues::{Reply, TickEnds};
 
 /// A motion on its way here. Every part is checked as it comes, so the end has little to do.
@@ -63,6 +66,7 @@ impl ControlLoop {
             Command::UploadSegment { index, ref segment } => self.take_segment(index, segment, ends.motion),
             Command::UploadEnd { checksum } => self.end_upload(checksum, ends.motion),
             Command::Start { motion, at_seq } => self.start(now, motion, at_seq, inputs),
+            Command::Jog { joint, duty, duration_ms } => self.jog(now, joint, duty, duration_ms, inputs),
             Command::Stop => {
                 self.end_motion(now, MotionEnd::Stopped, ends);
                 Ok(())
@@ -155,13 +159,7 @@ impl ControlLoop {
     }
 
     fn start(&mut self, now: Now, motion: MotionId, at_seq: Option<u32>, inputs: &Inputs) -> Result<(), Refusal> {
-        self.not_busy()?;
-        if let Some(fault) = self.fault.or_else(|| self.obstacle(now, inputs)) {
-            return Err(Refusal::Fault(fault));
-        }
-        if !self.stop_tested {
-            return Err(Refusal::StopNotTested);
-        }
+        self.may_move(now, inputs)?;
         if motion == MotionId::NONE || motion != self.motion_id {
             return Err(Refusal::NoSuchMotion { asked: motion, there: self.motion_id });
         }
@@ -174,6 +172,30 @@ impl ControlLoop {
         }
         self.activity = Activity::Waiting { at_seq };
         Ok(())
+    }
+
+    /// Drives one joint from the next tick on.
+    fn jog(&mut self, now: Now, joint: u8, duty: Duty, duration_ms: u8, inputs: &Inputs) -> Result<(), Refusal> {
+        self.may_move(now, inputs)?;
+        let joints = self.joints.len() as u8;
+        if joint >= joints {
+            return Err(Refusal::NoSuchJoint { joint, joints });
+        }
+        if duty.limited_to(MAX_JOG_DUTY) != duty || !(1..=MAX_JOG_MS).contains(&duration_ms) {
+            return Err(Refusal::JogBounds { duty, duration_ms });
+        }
+        let ticks = u32::from(duration_ms) * 1000 / TICK_US;
+        self.activity = Activity::Jogging(Jog { joint, duty, ticks });
+        Ok(())
+    }
+
+    /// Whether anything may be driven now.
+    fn may_move(&mut self, now: Now, inputs: &Inputs) -> Result<(), Refusal> {
+        self.not_busy()?;
+        if let Some(fault) = self.fault.or_else(|| self.obstacle(now, inputs)) {
+            return Err(Refusal::Fault(fault));
+        }
+        if self.stop_tested { Ok(()) } else { Err(Refusal::StopNotTested) }
     }
 
     fn clear_fault(&mut self, now: Now, inputs: &Inputs, ends: &mut TickEnds<'_>) -> Result<(), Refusal> {

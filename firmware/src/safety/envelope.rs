@@ -60,6 +60,11 @@ impl JointLimits {
         Lowered { duty: slewed, by_ceiling: capped != asked, by_position: faded != capped, by_slew: slewed != faded }
     }
 
+    /// The position in the middle of the range, counts.
+    pub fn middle(&self) -> i32 {
+        self.lower_counts / 2 + self.upper_counts / 2
+    }
+
     /// How far the joint is beyond a limit, counts; zero within.
     pub fn beyond(&self, position: i32) -> i32 {
         let above = position.saturating_sub(self.upper_counts);

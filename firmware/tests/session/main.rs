@@ -2,6 +2,7 @@
 
 mod bench;
 mod faults;
+mod jogs;
 mod motions;
 mod parts;
 mod plant;

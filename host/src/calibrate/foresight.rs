@@ -14,9 +14,9 @@ use super::identifiability::identify;
 use super::identifiability::observability;
 use super::identifiability::observability::Unobservable;
 use super::initial_guess::start;
+use super::requirements::accept;
 use super::residuals::preset::Preset;
 use super::residuals::problem::Problem;
-use super::requirements::accept;
 use super::result::summary;
 
 /// What a calibration can be expected to say.

@@ -9,8 +9,8 @@ use crate::failure::{Failure, Kind};
 pub const HELP: &str = "\
 Exit codes: 0 ok, 1 a fault of the program, 2 usage, 3 device or I/O, 4 data unusable, 5 no convergence;
 diagnose: 0 nothing found, 10 named, 11 unknown cause, 12 not separable with this motion;
-demo: 13 the estimates do not meet the truth; ended by Ctrl-C: 3 of record, which stops the robot and closes
-the file, 130 of the others.";
+demo: 13 the estimates do not meet the truth; ended by Ctrl-C: 0 of simulate and watch, 3 of record and bringup,
+which stop the robot, 130 of the others.";
 
 /// What the process answers to its caller. The numbers are a public interface and never change.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

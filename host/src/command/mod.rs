@@ -11,6 +11,7 @@
 //! carries results), `interrupt` (Ctrl-C), [`NewFile`], [`LiveFile`] and [`ResultArgs`] (files that are never overwritten unasked),
 //! `choices` (what the library's enums are called on the command line).
 
+mod bringup;
 mod calibrate;
 mod check;
 mod completions;
@@ -28,6 +29,7 @@ mod robot;
 mod simulate;
 mod table;
 mod verify;
+mod watch;
 
 mod choices;
 mod exit;
@@ -65,6 +67,8 @@ enum Verb {
     Ports(ports::Args),
     Simulate(simulate::Args),
     Plan(plan::Args),
+    Watch(watch::Args),
+    Bringup(bringup::Args),
     Record(record::Args),
     Demo(demo::Args),
     Import(import::Args),
@@ -92,6 +96,8 @@ pub fn main() -> ExitCode {
         Verb::Ports(args) => ports::run(args, &ui),
         Verb::Simulate(args) => simulate::run(args, &ui),
         Verb::Plan(args) => plan::run(args, &ui),
+        Verb::Bringup(args) => bringup::run(args, &ui),
+        Verb::Watch(args) => watch::run(args, &ui),
         Verb::Record(args) => record::run(args, &ui),
         Verb::Demo(args) => demo::run(args, &ui),
         Verb::Import(args) => import::run(args, &ui),

@@ -176,7 +176,7 @@ fn say_captured(ui: &Ui, args: &Args, captured: &Captured) {
     }
 }
 
-fn losses(balance: &crate::recording::LossBalance) -> String {
+pub(super) fn losses(balance: &crate::recording::LossBalance) -> String {
     format!(
         "{} lost (device {}, host {}, line {}; {} damaged frames{})",
         balance.missing,
@@ -304,7 +304,7 @@ fn elf_failure(error: ElfError) -> Failure {
 }
 
 /// A device that cannot be used.
-fn link_failure(error: LinkError) -> Failure {
+pub(super) fn link_failure(error: LinkError) -> Failure {
     let advice = error.advice();
     Failure::device(error).advice(advice)
 }

@@ -8,7 +8,7 @@ use std::time::Duration;
 use super::{Exit, Failure, NewFile, Ui, interrupt, json, robot_failure};
 use crate::failure::simulate_failure;
 use crate::robot::Robot;
-use crate::simulate::{EffectChoice, Fault, Options, Pace, SimulationReport, Simulator, parse_scale};
+use crate::simulate::{EffectChoice, Fault, Mistake, Options, Pace, SimulationReport, Simulator, parse_scale};
 
 /// Play robot and microcontroller behind a pseudo-terminal
 ///
@@ -41,6 +41,10 @@ pub struct Args {
     /// count from the start of the first motion
     #[arg(long = "fault", value_name = "FAULT")]
     faults: Vec<Fault>,
+    /// A mistake of wiring or assembly: encoders-swapped=1+2, motors-swapped=1+2, encoder-reversed=1, leads-reversed=1,
+    /// encoder-phase=1 (one is open), counts=1*0.5, gear=1*0.7, gyro-turned=2z or gyro-mirrored=2z; may be repeated
+    #[arg(long = "mistake", value_name = "MISTAKE")]
+    mistakes: Vec<Mistake>,
     /// Write the true parameters, the effects and the faults injected to this file at the end
     #[arg(long, value_name = "FILE.json")]
     truth: Option<PathBuf>,
@@ -64,6 +68,7 @@ pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
         process_noise: args.process_noise,
         pace: args.pace,
         faults: args.faults,
+        mistakes: args.mistakes,
         link: args.link,
         truth: args.truth,
     };

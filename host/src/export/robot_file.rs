@@ -1,10 +1,11 @@
 //! The description file with the identified values in the place of the start values: ready for the next `--robot`.
 
-use toml_edit::{DocumentMut, Item, Table, TableLike, Value};
+use toml_edit::{DocumentMut, Item, TableLike, Value};
 
 use super::loss::{Loss, title};
 use super::{ExportError, Exported};
 use crate::model::rotation::orthonormalised;
+use crate::robot::edit::{each, is, replace, start, vector};
 use crate::robot::{Channel, ChannelKind, JointKind, ParameterSpec, Symbol};
 
 /// The file, and what it keeps.
@@ -86,48 +87,12 @@ fn entry<'d>(file: &'d mut DocumentMut, exported: &Exported<'_>, spec: &Paramete
     each(file, "joint").nth(joint)?.get_mut("parameters")?.get_mut(name)
 }
 
-/// The tables of an array, however it is written.
-fn each<'d>(file: &'d mut DocumentMut, key: &str) -> Box<dyn Iterator<Item = &'d mut dyn TableLike> + 'd> {
-    match file.get_mut(key) {
-        Some(Item::ArrayOfTables(tables)) => {
-            Box::new(tables.iter_mut().map(|table: &mut Table| table as &mut dyn TableLike))
-        }
-        Some(Item::Value(Value::Array(tables))) => {
-            let inline = tables.iter_mut().filter_map(Value::as_inline_table_mut);
-            Box::new(inline.map(|table| table as &mut dyn TableLike))
-        }
-        _ => Box::new(std::iter::empty()),
-    }
-}
-
-fn is(table: &dyn TableLike, key: &str, value: &str) -> bool {
-    table.get(key).and_then(Item::as_str) == Some(value)
-}
-
-/// Puts a value where an estimate starts; what a simulated robot has beside it is no more.
-fn start(item: &mut Item, value: Value) {
-    let Some(table) = item.as_table_like_mut() else { return };
-    table.remove("simulated");
-    if let Some(start) = table.get_mut("start") {
-        replace(start, value);
-    }
-}
-
-/// Another value with the spaces and comments around the old one.
-fn replace(item: &mut Item, mut value: Value) {
-    if let Some(old) = item.as_value() {
-        *value.decor_mut() = old.decor().clone();
-    }
-    *item = Item::Value(value);
-}
-
 fn gyros(file: &mut DocumentMut, exported: &Exported<'_>) {
     let calibrated = &exported.calibrated;
     let described: Vec<_> = calibrated.robot().gyros().cloned().collect();
     let tables = each(file, "sensor").filter(|sensor| is(*sensor, "kind", "gyro"));
     for (((table, gyro), bias), rotation) in tables.zip(described).zip(calibrated.biases()).zip(calibrated.rotations())
     {
-        let vector = |values: [f64; 3]| Value::Array(values.into_iter().collect());
         if let Some(item) = table.get_mut("bias_rad_s").filter(|_| gyro.bias_free) {
             start(item, vector([bias.x, bias.y, bias.z]));
         }

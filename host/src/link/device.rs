@@ -7,7 +7,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use protocol::request::HEARTBEAT_PERIOD_MS;
-use protocol::{Command, Fault, Hello, Motion, MotionId, Refusal, State, Status, ToDevice, budget};
+use protocol::{Command, Duty, Fault, Hello, Motion, MotionId, Refusal, State, Status, ToDevice, budget};
 
 use super::exchange::{ATTEMPT, send, shake_hands, wait};
 use super::heartbeat::Pulse;
@@ -109,22 +109,33 @@ impl Device {
         &self.hello
     }
 
-    /// Makes the device quiet whatever it did before: stops a motion, ends a stream, clears a fault. An emergency stop is
-    /// cleared by [`Device::clear_stop`] only.
+    /// Brings the device to rest whatever it did before: stops a motion, ends a stream. A fault stays.
     ///
     /// # Errors
-    /// [`LinkError::Refused`] if the cause of a fault lasts, [`LinkError::EmergencyStop`] if that is the fault.
-    pub fn settle(&mut self) -> Result<(), LinkError> {
+    /// [`LinkError`] if it does not answer.
+    pub fn halt(&mut self) -> Result<Status, LinkError> {
         let mut status = self.status()?;
-        if matches!(status.state, State::Running { .. } | State::Waiting { .. }) {
+        if matches!(status.state, State::Running { .. } | State::Waiting { .. } | State::Jogging { .. }) {
             self.ask("stop", Command::Stop)?;
             status = self.status()?;
         }
         if status.streaming {
             self.ask("end its stream", Command::Stream { on: false })?;
             // Samples of that stream may still be under way; their numbers tell.
-            self.shared.stream().from_seq = Some(self.status()?.end_seq);
+            status = self.status()?;
+            self.shared.stream().from_seq = Some(status.end_seq);
         }
+        self.shared.established.store(true, Relaxed);
+        Ok(status)
+    }
+
+    /// Makes the device ready whatever it did before: [halts](Device::halt) it and clears a fault. An emergency stop is
+    /// cleared by [`Device::clear_stop`] only.
+    ///
+    /// # Errors
+    /// [`LinkError::Refused`] if the cause of a fault lasts, [`LinkError::EmergencyStop`] if that is the fault.
+    pub fn settle(&mut self) -> Result<(), LinkError> {
+        let status = self.halt()?;
         if let State::Fault(fault) = status.state {
             if fault == Fault::EmergencyStop {
                 return Err(LinkError::EmergencyStop);
@@ -134,7 +145,22 @@ impl Device {
             self.beat()?;
             self.insist("clear its fault", || Command::ClearFault)?;
         }
-        self.shared.established.store(true, Relaxed);
+        Ok(())
+    }
+
+    /// Clears the latched fault, if there is one. That of an emergency stop is cleared by a person only
+    /// ([`Device::clear_stop`]).
+    ///
+    /// # Errors
+    /// [`LinkError::Refused`] if its cause lasts, [`LinkError::EmergencyStop`] if that is the fault.
+    pub fn clear_fault(&mut self) -> Result<(), LinkError> {
+        if let State::Fault(fault) = self.status()?.state {
+            if fault == Fault::EmergencyStop {
+                return Err(LinkError::EmergencyStop);
+            }
+            self.beat()?;
+            self.insist("clear its fault", || Command::ClearFault)?;
+        }
         Ok(())
     }
 
@@ -224,6 +250,15 @@ impl Device {
     pub fn start(&mut self, motion: MotionId, at_seq: Option<u32>) -> Result<(), LinkError> {
         self.at_rest = false;
         self.insist("start the motion", || Command::Start { motion, at_seq })
+    }
+
+    /// Drives one joint (from 0) by a duty for so long, ms.
+    ///
+    /// # Errors
+    /// [`LinkError::Refused`] with the reason.
+    pub fn jog(&mut self, joint: u8, duty: Duty, duration_ms: u8) -> Result<(), LinkError> {
+        self.at_rest = false;
+        self.insist("jog a joint", || Command::Jog { joint, duty, duration_ms })
     }
 
     /// The next thing that the device sent, or `None` if nothing came in time. Call it often: heartbeats tell the

@@ -81,5 +81,6 @@ impl Line {
 }
 
 fn sets_in_motion(message: &ToDevice) -> bool {
-    matches!(message, ToDevice::Request { command: Command::Start { .. } | Command::ClearFault, .. })
+    let ToDevice::Request { command, .. } = message else { return false };
+    matches!(command, Command::Start { .. } | Command::Jog { .. } | Command::ClearFault)
 }

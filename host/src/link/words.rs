@@ -35,6 +35,14 @@ pub(super) fn event(kind: &EventKind) -> (Severity, String) {
         },
         EventKind::FaultRaised(fault) => (Severity::Error, format!("fault: {fault}")),
         EventKind::FaultCleared => (Severity::Note, "fault cleared".to_owned()),
+        EventKind::JogEnded { joint, end } => {
+            let joint = joint + 1;
+            match end {
+                MotionEnd::Finished => (Severity::Note, format!("jog of joint {joint} over")),
+                MotionEnd::Stopped => (Severity::Note, format!("jog of joint {joint} stopped by the host")),
+                MotionEnd::Fault(fault) => (Severity::Error, format!("jog of joint {joint} stopped: {fault}")),
+            }
+        }
     }
 }
 

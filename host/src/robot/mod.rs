@@ -17,6 +17,7 @@ use serde::{Deserialize, Serialize};
 
 pub mod chain;
 mod channel;
+pub(crate) mod edit;
 mod error;
 mod file;
 mod import;

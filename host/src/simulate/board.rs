@@ -36,6 +36,8 @@ pub struct Board {
     preloaded: [f64; MAX_JOINTS],
     /// What the last tick read, and the duty in force in it.
     last: (Inputs, [f64; MAX_JOINTS]),
+    /// How far each joint was from its marked pose at most, rad or m.
+    farthest: Vec<f64>,
 }
 
 /// The firmware's driver of a gyro chip.
@@ -59,6 +61,7 @@ impl Board {
             started_ns: 0,
             preloaded: [0.0; MAX_JOINTS],
             last: Default::default(),
+            farthest: vec![0.0; robot.joints.len()],
             world,
         };
         board.set_up()?;
@@ -132,16 +135,28 @@ impl Microcontroller for Board {
         if control.state() == (State::Waiting { at_seq: control.next_seq() }) {
             self.world.begin_motion();
         }
+        let was_jogging = matches!(control.state(), State::Jogging { .. });
         let now_us = (self.world.clock().now_ns() - self.started_ns) / 1000;
         let inputs = self.read_sensors();
         // The device's clock wraps, as its 32 bits do.
         let outputs = self.core.tick(now_us as u32, &inputs);
 
+        if !was_jogging && matches!(self.core.control().state(), State::Jogging { .. }) {
+            self.world.begin_motion();
+        }
         let in_force = if outputs.stop { [0.0; MAX_JOINTS] } else { self.preloaded };
         self.world.pass(&in_force);
         self.preloaded = fractions(outputs.duty);
         self.last = (inputs, in_force);
+        for (joint, farthest) in self.farthest.iter_mut().enumerate() {
+            let [link, _, motor, _] = self.world.plant().joint_state(joint);
+            *farthest = farthest.max(link.abs()).max(motor.abs());
+        }
         Ok(())
+    }
+
+    fn farthest(&self) -> Vec<f64> {
+        self.farthest.clone()
     }
 
     fn reset(&mut self) -> Result<(), SimulateError> {

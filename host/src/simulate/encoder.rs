@@ -63,6 +63,11 @@ impl EncoderChip {
         Ok(chips)
     }
 
+    /// It counts so many times as much as the firmware is told.
+    pub fn count_more(&mut self, factor: f64) {
+        self.counts_per_unit *= factor;
+    }
+
     /// The hardware counter at a position (rad or m on the link side), counted from `start`; it wraps at 2¹⁶.
     pub fn counter(&self, position: f64, start: i64, noise: &mut Noise) -> u16 {
         self.counts(position + noise.draw_once_moved(self.sigma)).wrapping_sub(start) as u16

@@ -30,6 +30,11 @@ pub trait Microcontroller: Send {
     /// What a sample holds.
     fn layout(&self) -> Layout;
 
+    /// How far each joint was from its marked pose at most, rad or m; empty where nobody measures it.
+    fn farthest(&self) -> Vec<f64> {
+        Vec::new()
+    }
+
     /// Simulated time since power-on, s.
     fn time_s(&self) -> f64;
 }

@@ -5,7 +5,7 @@
 use std::path::PathBuf;
 use std::str::FromStr;
 
-use super::SimulateError;
+use super::{Mistake, SimulateError};
 use crate::effect::{CATALOGUE, Effect, EffectError, Hidden, Size};
 use crate::robot::Robot;
 
@@ -26,6 +26,8 @@ pub struct Options {
     pub pace: Pace,
     /// Faults of the line and the board.
     pub faults: Vec<Fault>,
+    /// Mistakes of wiring and assembly.
+    pub mistakes: Vec<Mistake>,
     /// A symbolic link to the port.
     pub link: Option<PathBuf>,
     /// Where the caller writes the truth at the end.
@@ -92,6 +94,7 @@ impl Options {
             process_noise: 0.0,
             pace: Pace::Fast,
             faults: Vec::new(),
+            mistakes: Vec::new(),
             link: None,
             truth: None,
         }
@@ -120,6 +123,7 @@ impl Options {
                 }
                 "effect" => options.effects.push(value.parse()?),
                 "fault" => options.faults.push(value.parse()?),
+                "mistake" => options.mistakes.push(value.parse()?),
                 "truth" => options.truth = Some(PathBuf::from(value)),
                 "pace" => {
                     options.pace = match value {
@@ -199,12 +203,13 @@ mod tests {
 
     #[test]
     fn a_ports_name_says_all() {
-        let text = "seed=3,effect=base_bearing,effect=backlash=0.004,robot=one_joint,fault=drop=0.01,fault=reset@7,truth=t.json,process_noise=2";
+        let text = "seed=3,effect=base_bearing,effect=backlash=0.004,robot=one_joint,fault=drop=0.01,fault=reset@7,mistake=gear=1*0.5,truth=t.json,process_noise=2";
         let options = Options::parse(text).unwrap();
         assert_eq!((options.robot.name.as_str(), options.seed, options.pace), ("one_joint", 3, Pace::Fast));
         let effects: Vec<_> = options.effects.iter().map(|choice| (choice.effect.id, choice.size)).collect();
         assert_eq!(effects, [("base_bearing", Size::Medium), ("backlash", Size::Exact(0.004))]);
         assert_eq!(options.faults, [Fault::Drop(0.01), Fault::Reset { at_s: 7.0 }]);
+        assert_eq!(options.mistakes, [Mistake::Gear(0, 0.5)]);
         assert_eq!(options.process_noise, 2.0);
         assert_eq!(options.truth, Some(PathBuf::from("t.json")));
         assert_eq!(Options::parse("").unwrap().robot.name, "doggy");

@@ -15,8 +15,12 @@ const ROOM: usize = 4096;
 const HEARTBEAT_TICKS: u64 = 60;
 /// Ticks until what the host sent is taken, answered and on its way back: a long answer takes 5.5 ms of the line.
 const ANSWER_TICKS: u64 = 8;
+/// Ticks after a jog for which time may run fast: until a robot that was jogged is looked at and jogged again.
+const JOG_TICKS: u64 = 3000;
 /// Samples that a fast simulation may be ahead of what the host has worked off.
 const AHEAD: i32 = 200;
+/// The same once a joint was jogged: a host that looks at a jog and ends it early is told in time, as by a real line.
+const AHEAD_OF_JOG: i32 = 40;
 
 /// Everything that was injected, and what became of the frames.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
@@ -41,6 +45,8 @@ pub(super) struct Session {
     counts: FaultCounts,
     ticks: u64,
     motion_start_s: Option<f64>,
+    /// Last tick in which a joint was jogged.
+    jogged_tick: Option<u64>,
     bytes_per_tick: f64,
     out_credit: f64,
     in_credit: f64,
@@ -73,6 +79,7 @@ impl Session {
             counts: FaultCounts::default(),
             ticks: 0,
             motion_start_s: None,
+            jogged_tick: None,
             bytes_per_tick: f64::from(baud) / f64::from(BITS_PER_BYTE) / 1000.0,
             out_credit: 0.0,
             in_credit: 0.0,
@@ -101,6 +108,11 @@ impl Session {
         let start_s = self.board.time_s();
         self.board.tick()?;
         self.ticks += 1;
+        match self.board.state() {
+            State::Jogging { .. } => self.jogged_tick = Some(self.ticks),
+            State::Running { .. } => self.jogged_tick = None,
+            _ => {}
+        }
         if self.motion_start_s.is_none() && matches!(self.board.state(), State::Running { .. }) {
             self.motion_start_s = Some(start_s);
         }
@@ -115,9 +127,10 @@ impl Session {
         self.from_host.append(bytes);
     }
 
-    /// A motion is played or about to begin: time may run fast.
+    /// A motion is played or about to begin, or a jog has not died out: time may run fast.
     pub fn in_motion(&self) -> bool {
-        matches!(self.board.state(), State::Running { .. } | State::Waiting { .. })
+        let jogged = self.jogged_tick.is_some_and(|tick| self.ticks - tick < JOG_TICKS);
+        jogged || matches!(self.board.state(), State::Running { .. } | State::Waiting { .. })
     }
 
     /// Whether a tick is due for what the host has sent; the first ones are due in any case.
@@ -144,7 +157,8 @@ impl Session {
     pub fn host_keeps_up(&self) -> bool {
         let heard = self.heard_tick.is_some_and(|tick| self.ticks - tick < HEARTBEAT_TICKS);
         let ahead = self.told_seq.wrapping_sub(self.seen_seq) as i32;
-        heard && ahead < AHEAD && self.to_host.len() < ROOM
+        let leash = if self.jogged_tick.is_some() { AHEAD_OF_JOG } else { AHEAD };
+        heard && ahead < leash && self.to_host.len() < ROOM
     }
 
     pub fn counts(&self) -> FaultCounts {
@@ -153,6 +167,11 @@ impl Session {
 
     pub fn ticks(&self) -> u64 {
         self.ticks
+    }
+
+    /// How far each joint was from its marked pose at most, as far as the board knows; rad or m.
+    pub fn farthest(&self) -> Vec<f64> {
+        self.board.farthest()
     }
 
     /// Time since the motion began, s.

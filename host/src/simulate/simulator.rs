@@ -40,7 +40,15 @@ pub struct Simulator {
     truth: Vec<TrueValue>,
     effects: Vec<EffectTruth>,
     stop: Arc<AtomicBool>,
-    thread: Option<JoinHandle<Result<(FaultCounts, u64), SimulateError>>>,
+    thread: Option<JoinHandle<Result<Ran, SimulateError>>>,
+}
+
+/// What the thread of a simulation has to tell.
+#[derive(Debug)]
+struct Ran {
+    faults: FaultCounts,
+    ticks: u64,
+    farthest: Vec<f64>,
 }
 
 /// The truth about an effect.
@@ -74,6 +82,8 @@ pub struct SimulationReport {
     pub faults: FaultCounts,
     /// Ticks simulated.
     pub ticks: u64,
+    /// How far each joint was from its marked pose, motor or link, at most; rad or m.
+    pub farthest: Vec<f64>,
 }
 
 impl Drawn {
@@ -90,7 +100,8 @@ impl Drawn {
         if options.process_noise > 0.0 {
             plant = plant.with_process_noise(ProcessNoise::scaled(options.process_noise), options.seed);
         }
-        Ok(Self { world: World::new(robot, plant, options.seed)?, truth: truth.values(robot), effects })
+        let world = World::new(robot, plant, options.seed)?.with_mistakes(robot, &options.mistakes)?;
+        Ok(Self { world, truth: truth.values(robot), effects })
     }
 }
 
@@ -151,9 +162,9 @@ impl Simulator {
     pub fn finish(mut self) -> Result<SimulationReport, SimulateError> {
         self.stop.store(true, Relaxed);
         let thread = self.thread.take().ok_or(SimulateError::Died)?;
-        let (faults, ticks) = thread.join().map_err(|_| SimulateError::Died)??;
+        let Ran { faults, ticks, farthest } = thread.join().map_err(|_| SimulateError::Died)??;
         let (truth, effects) = (std::mem::take(&mut self.truth), std::mem::take(&mut self.effects));
-        Ok(SimulationReport { truth, effects, faults, ticks })
+        Ok(SimulationReport { truth, effects, faults, ticks, farthest })
     }
 }
 
@@ -182,7 +193,7 @@ fn hide(options: &Options) -> Result<Vec<Hidden>, SimulateError> {
     Ok(hidden)
 }
 
-fn run(mut session: Session, mut pty: Pty, pace: Pace, stop: &AtomicBool) -> Result<(FaultCounts, u64), SimulateError> {
+fn run(mut session: Session, mut pty: Pty, pace: Pace, stop: &AtomicBool) -> Result<Ran, SimulateError> {
     let mut heard = Vec::new();
     let mut due = Instant::now();
     let mut waiting_since: Option<Instant> = None;
@@ -237,5 +248,5 @@ fn run(mut session: Session, mut pty: Pty, pace: Pace, stop: &AtomicBool) -> Res
             due = now;
         }
     }
-    Ok((session.counts(), session.ticks()))
+    Ok(Ran { faults: session.counts(), ticks: session.ticks(), farthest: session.farthest() })
 }

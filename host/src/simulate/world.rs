@@ -13,13 +13,13 @@ use embedded_hal::i2c::I2c as _;
 use embedded_hal::spi::SpiDevice as _;
 use firmware::constants::GYRO_SATURATED_AT;
 use firmware::driver::GyroRange;
-use protocol::{EncoderInfo, GyroInfo, MAX_ENCODERS, Side};
+use protocol::{EncoderInfo, GyroInfo, MAX_ENCODERS, MAX_JOINTS, Side};
 
 use super::chip::{Bmi323Chip, BoardClock, Icm42688pChip, Shared};
 use super::encoder::EncoderChip;
 use super::noise::Noise;
 use super::plant::Plant;
-use super::{SimulateError, TICK_NS, TICK_S};
+use super::{Mistake, SimulateError, TICK_NS, TICK_S};
 use crate::robot::{self, InputUnit, Robot, Sensor};
 
 /// A robot and what is soldered to it.
@@ -40,6 +40,7 @@ pub struct World {
     joints: usize,
     /// Sensors in the order in which a tick reads them, with the time after its start, s.
     schedule: Vec<(f64, Reading)>,
+    mistakes: Vec<Mistake>,
     /// How much of the present tick has passed, s.
     elapsed_s: f64,
 }
@@ -103,16 +104,42 @@ impl World {
             range,
             clock,
             joints: robot.joints.len(),
+            mistakes: Vec::new(),
             elapsed_s: 0.0,
         };
         world.clear_counters();
         Ok(world)
     }
 
+    /// The same world with these mistakes in it, of which the firmware is not told.
+    ///
+    /// # Errors
+    /// [`SimulateError::Unsuited`] if a mistake is about a part that the robot does not have.
+    pub fn with_mistakes(mut self, robot: &Robot, mistakes: &[Mistake]) -> Result<Self, SimulateError> {
+        for mistake in mistakes {
+            mistake.suits(robot, self.encoders.len())?;
+            for (index, encoder) in self.encoders.iter_mut().enumerate() {
+                encoder.count_more(mistake.counts_factor(index));
+            }
+        }
+        self.mistakes = mistakes.to_vec();
+        self.clear_counters();
+        Ok(self)
+    }
+
+    /// The duty that each motor gets.
+    fn at_motors(&self, duty: &[f64]) -> [f64; MAX_JOINTS] {
+        let mut driven = [0.0; MAX_JOINTS];
+        driven.iter_mut().zip(&duty[..self.joints]).for_each(|(driven, duty)| *driven = *duty);
+        self.mistakes.iter().for_each(|mistake| mistake.drives(&mut driven));
+        driven
+    }
+
     /// The first half of a tick: every sensor is read at its time, under this duty (a fraction of full) of each joint.
     /// Returns the hardware counters; the gyros' words stand in their chips.
     pub fn sense(&mut self, duty: &[f64]) -> [u16; MAX_ENCODERS] {
         let mut counters = [0; MAX_ENCODERS];
+        let duty = self.at_motors(duty);
         self.elapsed_s = 0.0;
         for i in 0..self.schedule.len() {
             let (offset_s, reading) = self.schedule[i];
@@ -128,10 +155,13 @@ impl World {
                 Reading::Gyro(i) => {
                     let sigma = self.gyro_sigmas[i];
                     let noise = [0.0; 3].map(|_: f64| self.noise.draw(sigma));
-                    self.gyros[i].sense(self.plant.gyro_reading(i, noise));
+                    let mut rate = self.plant.gyro_reading(i, noise);
+                    self.mistakes.iter().for_each(|mistake| mistake.measures(i, &mut rate));
+                    self.gyros[i].sense(rate);
                 }
             }
         }
+        self.mistakes.iter().for_each(|mistake| mistake.counts(&mut counters));
         counters
     }
 
@@ -142,6 +172,7 @@ impl World {
 
     /// The second half: what is left of the millisecond, under this duty.
     pub fn pass(&mut self, duty: &[f64]) {
+        let duty = self.at_motors(duty);
         self.plant.advance(&duty[..self.joints], TICK_S - self.elapsed_s);
         self.clock.pass_ns(TICK_NS);
         self.elapsed_s = 0.0;

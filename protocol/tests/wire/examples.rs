@@ -121,6 +121,8 @@ pub fn reports() -> Vec<(&'static str, Report)> {
         ),
         ("refused_stop_not_tested", refused(Refusal::StopNotTested)),
         ("refused_not_quiet", refused(Refusal::NotQuiet)),
+        ("refused_no_such_joint", refused(Refusal::NoSuchJoint { joint: 3, joints: 3 })),
+        ("refused_jog_bounds", refused(Refusal::JogBounds { duty: Duty(-1501), duration_ms: 201 })),
         ("heartbeat_seen", Report::HeartbeatSeen { count: 260, t_us: 1_000_000 }),
         (
             "status",
@@ -145,6 +147,7 @@ pub fn reports() -> Vec<(&'static str, Report)> {
         ("event_wrong_way", event(EventKind::FaultRaised(Fault::WrongWay { joint: 1 }))),
         ("event_rotation_mismatch", event(EventKind::FaultRaised(Fault::RotationMismatch { gyro: 1 }))),
         ("event_fault_cleared", event(EventKind::FaultCleared)),
+        ("event_jog_ended", event(EventKind::JogEnded { joint: 2, end: MotionEnd::Finished })),
         ("log", Report::Log { level: Level::Warn, text: text("gyro 2 answers late") }),
         ("defmt", Report::Defmt { at: 300, bytes: [0, 1, 0xff].into_iter().collect() }),
     ]
@@ -165,6 +168,7 @@ pub fn requests() -> Vec<(String, ToDevice)> {
         ("upload_end", Command::UploadEnd { checksum: motion.checksum() }),
         ("start_next", Command::Start { motion: id, at_seq: None }),
         ("start_at", Command::Start { motion: id, at_seq: Some(70_000) }),
+        ("jog", Command::Jog { joint: 2, duty: Duty(-1500), duration_ms: 200 }),
         ("stop", Command::Stop),
         ("clear_fault", Command::ClearFault),
     ]

@@ -53,7 +53,7 @@ impl Ear {
                         self.state = State::Idle;
                     }
                     EventKind::FaultRaised(fault) => self.state = State::Fault(fault),
-                    EventKind::ZeroSet | EventKind::MoveTimedOut { .. } => {}
+                    EventKind::ZeroSet | EventKind::MoveTimedOut { .. } | EventKind::JogEnded { .. } => {}
                 },
                 Ok(ToHost::Report(Report::Refused { id, .. })) if self.asked == Some(id) => {
                     self.state = State::Idle;
