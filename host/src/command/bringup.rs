@@ -5,9 +5,10 @@ use std::path::PathBuf;
 use protocol::budget::BAUD;
 
 use super::record::link_failure;
-use super::simulate::{simulate_failure, simulated_port, write_truth};
+use super::simulate::{simulated_port, write_truth};
 use super::{Exit, Failure, NewFile, Ui, interrupt, json, robot_failure};
 use crate::bringup::{self, BringUpError, Findings, News};
+use crate::failure::simulate_failure;
 use crate::link::{Device, Options, ScaleError, printable};
 use crate::robot::Robot;
 

@@ -10,8 +10,9 @@ use std::time::{Duration, Instant};
 use protocol::budget::BAUD;
 
 use super::record::{link_failure, losses};
-use super::simulate::{simulate_failure, simulated_port};
+use super::simulate::simulated_port;
 use super::{Exit, Failure, Ui, interrupt};
+use crate::failure::simulate_failure;
 use crate::link::{Device, Options, printable};
 use crate::watch::{Picture, Watch};
 

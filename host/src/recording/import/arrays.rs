@@ -5,7 +5,7 @@ use std::path::Path;
 use super::header::{Clock, Header};
 use super::rows::Rows;
 use super::table::microseconds;
-use super::{EmptyInputs, Imported, Place, TableError, What};
+use super::{EmptyInputs, Imported, Place, TableError, What, samples};
 use crate::robot::Robot;
 
 /// A recording of `robot` from columns of equal length, named as in tables (`t_s` or `t_us`, `u1`, `theta1`, …; [`Robot::columns`]), each in the unit
@@ -49,6 +49,6 @@ pub fn from_arrays(
         .flat_map(|(name, values)| name.bytes().chain(values.iter().flat_map(|value| value.to_le_bytes())))
         .collect();
     let mut notes = Vec::new();
-    let recording = rows.recording(robot, &bytes, name, empty_inputs, &mut notes)?;
+    let recording = samples::recording(rows, robot, &bytes, name, empty_inputs, &mut notes)?;
     Ok(Imported { recording, ignored: Vec::new(), notes })
 }
