@@ -15,7 +15,7 @@ use host::report;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use serde::Serialize;
-use solve::levenberg::{Iteration, Settings};
+use solve::levenberg::Iteration;
 
 use crate::arrays::to_bytes;
 use crate::errors::OrRaise;
@@ -107,7 +107,7 @@ pub fn calibrate(
         let iteration =
             |i: usize, state: &Iteration| steps.tell(format!("calibrating: iteration {i}, cost {:.6e}", state.cost));
         let calibration =
-            host::calibrate::calibrate_extended(&robot, &recordings, method, &extend, &Settings::default(), iteration)
+            host::calibrate::calibrate_extended(&robot, &recordings, method, &extend, &steps.settings(), iteration)
                 .map_err(calibrate_failure)?;
         of_calibration(calibration)
     })
@@ -166,7 +166,7 @@ pub fn diagnose(
         accepted(holdout.as_slice(), unchecked)?;
         let robot = robot.or_else(|| runs.first().map(|recording| recording.robot.clone()));
         let robot = robot.ok_or_else(|| calibrate_failure(CalibrateError::NoRecording))?;
-        let options = Options { without, ..Options::default() };
+        let options = Options { without, settings: steps.settings() };
         let found = host::diagnose::diagnose(&robot, &runs, holdout.as_deref(), &options, &|step| steps.tell(step))
             .map_err(diagnose_failure)?;
         let calibrations = vec![("base", found.base.clone()), ("extended", found.extended.clone())];
@@ -224,10 +224,13 @@ pub fn check(py: Python<'_>, recording: &Recording) -> PyResult<Outcome> {
     })
 }
 
+/// What writes a model for another tool: its text, and what it loses.
+type Write = fn(&Exported<'_>) -> Result<(String, Vec<Loss>), ExportError>;
+
 /// A calibrated model for another tool: its text, and what it loses.
 #[pyfunction]
 pub fn export(py: Python<'_>, calibration: &str, format: &str) -> PyResult<(String, Vec<String>)> {
-    let write: fn(&Exported<'_>) -> Result<(String, Vec<Loss>), ExportError> = match format {
+    let write: Write = match format {
         "robot" => host::export::robot_file,
         "mjcf" => host::export::mjcf,
         "urdf" => host::export::urdf,

@@ -4,8 +4,8 @@
 //! calling thread   ── spawn ──▶ wait 50 ms ─▶ signals? callback ─▶ wait … ─▶ result, or the exception of a signal or callback
 //! working thread        └─────▶ work ── step ─▶ (stopped? unwind) ── step ─▶ …
 //! ```
-//! The callback runs in the thread that called, so that it may do whatever Python allows there. An interrupted call returns at once; the thread that worked
-//! ends at its next step and gives back its memory there.
+//! The callback runs in the thread that called, so that it may do whatever Python allows there. An interrupted call returns at once; searches of
+//! the thread that worked end before their next step, and the thread when it tells the next one.
 
 use std::panic;
 use std::sync::Arc;
@@ -16,6 +16,7 @@ use std::time::Duration;
 
 use host::failure::Failure;
 use pyo3::prelude::*;
+use solve::levenberg::Settings;
 
 use crate::errors::{OrRaise, raise};
 
@@ -34,6 +35,11 @@ pub struct Steps {
 struct Stopped;
 
 impl Steps {
+    /// What ends the searches of a work that was interrupted.
+    pub fn settings(&self) -> Settings {
+        Settings { stop: Some(Arc::clone(&self.stop)), ..Settings::default() }
+    }
+
     /// Tells what begins; does not return where the work was interrupted.
     pub fn tell(&self, step: impl Into<String>) {
         if self.stop.load(Relaxed) {

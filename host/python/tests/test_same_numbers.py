@@ -35,6 +35,22 @@ class SameNumbers(unittest.TestCase):
         host("calibrate", "sag.mcap", "--extend", "voltage_sag", "--noise", "fixed", "-o", "ext.json", cwd=scratch())
         same(self, extended, scratch() / "ext.json")
 
+    def test_diagnose(self):
+        doggy()  # is where the scratch folder is
+        for nth in (1, 2):
+            hidden = flexcal.simulate("one_joint", motion="validation", seed=6, effects=["cogging"], nth=nth)
+            hidden.save(f"cogging{nth}.mcap")
+        # Two candidates of the catalogue are enough to compare.
+        catalogue = [effect["id"] for effect in json.loads(host("effects", "--json", cwd=scratch()))]
+        without = [effect for effect in catalogue if effect not in ("cogging", "voltage_sag")]
+        found = flexcal.diagnose("cogging1.mcap", holdout="cogging2.mcap", without=without)
+        options = [word for effect in without for word in ("--without", effect)]
+        arguments = ("cogging1.mcap", "--holdout", "cogging2.mcap", *options, "-o", "diagnosis.json")
+        host("diagnose", *arguments, cwd=scratch(), codes=(0, 10, 11, 12))
+        same(self, found, scratch() / "diagnosis.json")
+        theirs = json.loads((scratch() / "diagnosis.json").read_text())
+        self.assertEqual(found.extended.to_dict()["parameters"], theirs["extended"]["parameters"])
+
     def test_a_table_and_its_arrays(self):
         run = doggy()
         host("export", "doggy.mcap", "--csv", "doggy.csv", cwd=scratch())

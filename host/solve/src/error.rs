@@ -30,6 +30,9 @@ pub enum SolveError {
         /// The pivot that was not positive.
         pivot: f64,
     },
+    /// [`Settings::stop`](crate::levenberg::Settings::stop) was set.
+    #[error("the search was stopped")]
+    Stopped,
 }
 
 impl From<Singular> for SolveError {

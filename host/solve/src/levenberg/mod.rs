@@ -94,7 +94,7 @@ pub fn total_cost<P: LeastSquares>(problem: &P, point: &P::Point, threads: usize
 /// Minimises ½ Σ r² from `start`. `held` are directions of the shared unknowns that no step takes; `progress` is called once an iteration.
 ///
 /// # Errors
-/// A stage too large for the solver, or one that stays undetermined however strongly its states are damped.
+/// A stage too large for the solver, or one that stays undetermined however strongly its states are damped; a search that was stopped.
 pub fn minimise<P: LeastSquares>(
     problem: &P,
     start: P::Point,
@@ -128,6 +128,9 @@ pub fn minimise<P: LeastSquares>(
 
     while iterations.len() < settings.max_iterations || (still_falls && iterations.len() < settings.most_while_falling)
     {
+        if settings.is_stopped() {
+            return Err(SolveError::Stopped);
+        }
         let clock = Instant::now();
         let promised_before = near.take();
         let is_old = promised_before.is_some();

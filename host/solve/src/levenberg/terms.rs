@@ -1,5 +1,7 @@
 //! What a search is asked for, and what it answers.
 
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::Instant;
 
 use crate::Precision;
@@ -27,6 +29,15 @@ pub struct Settings {
     pub threads: usize,
     /// How the factor keeps what steps are made of. Default: single precision, whose error in a step the next one mends.
     pub precision: Precision,
+    /// Ends every search with [`SolveError::Stopped`](crate::error::SolveError::Stopped) before its next step once it is set. Default none.
+    pub stop: Option<Arc<AtomicBool>>,
+}
+
+impl Settings {
+    /// Whether nobody waits for the search any more.
+    pub(super) fn is_stopped(&self) -> bool {
+        self.stop.as_ref().is_some_and(|stop| stop.load(Relaxed))
+    }
 }
 
 /// What a search has to reach, or to be about to reach, after how many iterations to be worth going on with.
@@ -57,6 +68,7 @@ impl Default for Settings {
             initial_damping: 1e-4,
             threads: std::thread::available_parallelism().map_or(1, |n| n.get().min(2)),
             precision: Precision::Single,
+            stop: None,
         }
     }
 }

@@ -1,7 +1,10 @@
 //! Problems whose residuals bend, along the shared unknown or along a state: whole steps of Gauss and Newton go too far every time.
 
 use std::ops::Range;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
+use super::super::error::SolveError;
 use super::super::levenberg::{Hopeless, Settings, Status, minimise};
 use super::super::{LeastSquares, Shape, Stage, Step};
 
@@ -229,4 +232,17 @@ fn inner_iterations_follow_a_bent_valley_that_steps_creep_along() {
     assert!(cost < 1e-9 && (p - 1.0).abs() < 1e-4, "p = {p}, cost {cost:e}");
     // Measured: 11; without, the bound of 60 is met on the way.
     assert!((5..=17).contains(&with) && without >= 3 * with, "{with} iterations with inner ones, {without} without");
+}
+
+#[test]
+fn a_search_that_nobody_waits_for_takes_no_further_step() {
+    let stop = Arc::new(AtomicBool::new(false));
+    let settings = Settings { stop: Some(Arc::clone(&stop)), ..Settings::default() };
+    let mut steps = 0;
+    let ended = minimise(&Bent { stages: 10, bend: 0.73 }, (vec![0.5; 10], 0.3), &[], &settings, |_, _| {
+        steps += 1;
+        stop.store(true, Relaxed);
+    });
+    assert!(matches!(ended, Err(SolveError::Stopped)));
+    assert_eq!(steps, 1);
 }
