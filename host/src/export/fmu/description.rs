@@ -119,7 +119,7 @@ impl Variable {
     }
 }
 
-/// All variables in the order of their references. Readings are called as the columns of a recording's table, parameters as in CAL.json.
+/// All variables in the order of their references. Readings and parameters are called as in CAL.json.
 fn variables(exported: &Exported<'_>, references: References) -> Vec<Variable> {
     let robot = exported.calibrated.robot();
     let variable = |reference, name: String, kind, unit: &str, description: String| Variable {
