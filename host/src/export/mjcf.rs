@@ -13,6 +13,7 @@ use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
 use super::loss::{Loss, title};
 use super::machine::{JointValues, Moments};
+use super::xml::comment;
 use super::{ExportError, Exported};
 use crate::model::law::PassiveJoint;
 use crate::robot::{ChannelKind, GravityLoad, InputUnit, Joint, JointKind, Transmission};
@@ -25,15 +26,15 @@ pub fn mjcf(exported: &Exported<'_>) -> Result<(String, Vec<Loss>), ExportError>
     let losses = losses(exported);
     let mut text = String::from("<!--\n");
     for line in exported.origin() {
-        let _ = writeln!(text, "  {}", safe(&line));
+        let _ = writeln!(text, "  {}", comment(&line));
     }
     text += "  What this file keeps of the model:\n";
     for loss in &losses {
-        let _ = writeln!(text, "    {}", safe(&loss.to_string()));
+        let _ = writeln!(text, "    {}", comment(&loss.to_string()));
     }
     let unknown: Vec<_> = exported.parameters.iter().filter(|p| p.std_error.is_none()).map(|p| &*p.name).collect();
     if !unknown.is_empty() {
-        let _ = writeln!(text, "  NOT IDENTIFIED by the recordings: {}", safe(&unknown.join(", ")));
+        let _ = writeln!(text, "  NOT IDENTIFIED by the recordings: {}", comment(&unknown.join(", ")));
     }
     let robot = exported.calibrated.robot();
     let timestep = robot.sample_period_s / exported.parts() as f64;
@@ -52,11 +53,6 @@ pub fn mjcf(exported: &Exported<'_>) -> Result<(String, Vec<Loss>), ExportError>
     sensors(&mut text, exported);
     text += "</mujoco>\n";
     Ok((text, losses))
-}
-
-/// What a comment of XML may hold.
-fn safe(text: &str) -> String {
-    text.replace("--", "- -")
 }
 
 fn numbers(values: &[f64]) -> String {

@@ -20,6 +20,7 @@ mod robot_file;
 #[cfg(test)]
 pub(crate) mod tests;
 mod urdf;
+mod xml;
 
 pub use exported::{Exported, Parameter, Place, Quantity};
 pub use fmu::fmu;

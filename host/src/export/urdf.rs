@@ -6,6 +6,7 @@ use nalgebra::{Matrix3, Rotation3};
 
 use super::loss::{Loss, title};
 use super::machine::Moments;
+use super::xml::comment;
 use super::{ExportError, Exported};
 use crate::robot::{InputUnit, JointKind, Transmission};
 
@@ -25,7 +26,7 @@ pub fn urdf(exported: &Exported<'_>) -> Result<(String, Vec<Loss>), ExportError>
         lines.push(format!("NOT IDENTIFIED by the recordings: {}", unknown.join(", ")));
     }
     for line in lines {
-        let _ = writeln!(text, "  {}", line.replace("--", "- -"));
+        let _ = writeln!(text, "  {}", comment(&line));
     }
     let _ = write!(text, "-->\n<robot name=\"{}\">\n  <link name=\"base\"/>\n", robot.name);
     let (moments, _) = exported.bodies();

@@ -6,6 +6,7 @@ use std::fmt::Write;
 use super::sources::{References, Sources};
 use super::unit::base_unit;
 use crate::export::program::head_of_program;
+use crate::export::xml::{comment, escaped};
 use crate::export::{Exported, Loss, Program};
 use crate::model::Expression;
 use crate::model::expression::Node;
@@ -26,7 +27,7 @@ pub(super) fn model_description(
         lines.push(format!("NOT IDENTIFIED by the recordings: {}", unknown.join(", ")));
     }
     for line in lines {
-        let _ = writeln!(text, "  {}", line.replace("--", "- -"));
+        let _ = writeln!(text, "  {}", comment(&line));
     }
     let robot = exported.calibrated.robot();
     let (identifier, period_s) = (&sources.identifier, robot.sample_period_s);
@@ -41,15 +42,15 @@ pub(super) fn model_description(
          generationTool=\"host {}\" variableNamingConvention=\"flat\">\n  \
          <ModelExchange modelIdentifier=\"{identifier}\" {able}/>\n  \
          <CoSimulation modelIdentifier=\"{identifier}\" {able}\n      canHandleVariableCommunicationStepSize=\"true\" fixedInternalStepSize=\"{period_s}\"/>\n",
-        attribute(&robot.name),
+        escaped(&robot.name),
         sources.token,
-        attribute(&description),
+        escaped(&description),
         env!("CARGO_PKG_VERSION"),
     );
     let variables = variables(exported, References::of(program.sizes));
     text += "  <UnitDefinitions>\n";
     for unit in variables.iter().filter_map(|variable| variable.unit()).collect::<BTreeSet<_>>() {
-        let name = attribute(unit);
+        let name = escaped(unit);
         let _ = match base_unit(unit) {
             Some(base) => writeln!(text, "    <Unit name=\"{name}\"><BaseUnit{base}/></Unit>"),
             None => writeln!(text, "    <Unit name=\"{name}\"/>"),
@@ -69,12 +70,12 @@ pub(super) fn model_description(
 
 /// The page of `documentation/`: where the model comes from, what it keeps, every number.
 pub(super) fn page(exported: &Exported<'_>, losses: &[Loss]) -> String {
-    let name = attribute(&exported.calibrated.robot().name);
+    let name = escaped(&exported.calibrated.robot().name);
     let mut text = format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head><meta charset=\"utf-8\"><title>{name}</title></head>\n<body>\n<h1>{name}</h1>\n<pre>\n"
     );
     for line in head_of_program(exported, losses) {
-        let _ = writeln!(text, "{}", attribute(&line));
+        let _ = writeln!(text, "{}", escaped(&line));
     }
     text += "</pre>\n</body>\n</html>\n";
     text
@@ -102,12 +103,12 @@ impl Variable {
         let _ = write!(
             text,
             "    <Float64 name=\"{}\" valueReference=\"{}\" {}",
-            attribute(&self.name),
+            escaped(&self.name),
             self.reference,
             self.kind
         );
         if let Some(unit) = self.unit() {
-            let _ = write!(text, " unit=\"{}\"", attribute(unit));
+            let _ = write!(text, " unit=\"{}\"", escaped(unit));
         }
         if let Some(start) = self.start {
             let _ = write!(text, " start=\"{start:?}\"");
@@ -115,11 +116,11 @@ impl Variable {
         if let Some(state) = self.derivative_of {
             let _ = write!(text, " derivative=\"{state}\"");
         }
-        let _ = writeln!(text, " description=\"{}\"/>", attribute(&self.description));
+        let _ = writeln!(text, " description=\"{}\"/>", escaped(&self.description));
     }
 }
 
-/// All variables in the order of their references. Readings are called as the columns of a recording's table, parameters as in CAL.json.
+/// All variables in the order of their references. Readings and parameters are called as in CAL.json.
 fn variables(exported: &Exported<'_>, references: References) -> Vec<Variable> {
     let robot = exported.calibrated.robot();
     let variable = |reference, name: String, kind, unit: &str, description: String| Variable {
@@ -250,13 +251,4 @@ fn dependencies(program: &Program, root: Expression) -> Vec<usize> {
         _ => None,
     });
     needed.filter(|reference| *reference < references.parameters).collect::<BTreeSet<_>>().into_iter().collect()
-}
-
-/// Text as the value of an attribute, or between tags.
-fn attribute(text: &str) -> String {
-    text.replace('&', "&amp;")
-        .replace('<', "&lt;")
-        .replace('>', "&gt;")
-        .replace('"', "&quot;")
-        .replace(['\n', '\t', '\r'], " ")
 }
