@@ -109,7 +109,7 @@ fn what_cannot_be_planned_is_refused_with_advice() {
         (&["plan", "dogy", "-o", "m.toml"][..], 2, "did you mean `doggy`"),
         (&["plan", "emps", "-o", "m.toml"], 4, "robots that the firmware drives"),
         (&["plan", "doggy", "--length", "4", "-o", "m.toml"], 2, "give a longer --length"),
-        (&["plan", "doggy", "--length", "-1", "-o", "m.toml"], 2, "seconds above 0"),
+        (&["plan", "doggy", "--length=-1", "-o", "m.toml"], 2, "seconds above 0"),
         (&["plan", "doggy", "--duty", "1.5", "-o", "m.toml"], 2, "up to 1"),
         (&["plan", "cal.json", "-o", "m.toml"], 4, "host calibrate -o"),
         (&["plan", "none.json", "-o", "m.toml"], 3, "cannot read none.json"),
