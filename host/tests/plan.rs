@@ -105,8 +105,8 @@ fn the_same_seed_gives_the_same_motion() {
 fn what_cannot_be_planned_is_refused_with_advice() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("cal.json"), "{}").unwrap();
-    for (arguments, code, told) in [
-        (&["plan", "dogy", "-o", "m.toml"][..], 2, "did you mean `doggy`"),
+    let refused: [(&[&str], i32, &str); 8] = [
+        (&["plan", "dogy", "-o", "m.toml"], 2, "did you mean `doggy`"),
         (&["plan", "emps", "-o", "m.toml"], 4, "robots that the firmware drives"),
         (&["plan", "doggy", "--length", "4", "-o", "m.toml"], 2, "give a longer --length"),
         (&["plan", "doggy", "--length=-1", "-o", "m.toml"], 2, "seconds above 0"),
@@ -114,7 +114,8 @@ fn what_cannot_be_planned_is_refused_with_advice() {
         (&["plan", "cal.json", "-o", "m.toml"], 4, "host calibrate -o"),
         (&["plan", "none.json", "-o", "m.toml"], 3, "cannot read none.json"),
         (&["plan", "doggy", "--time-limit", "0.001", "-o", "m.toml"], 5, "--time-limit"),
-    ] {
+    ];
+    for (arguments, code, told) in refused {
         let said = host(folder.path(), arguments, code);
         assert!(said.contains(told), "{arguments:?}: {said}");
         assert!(!folder.path().join("m.toml").exists());
