@@ -53,33 +53,34 @@ fn what_a_plan_promises_holds() {
     }
     let page = std::fs::read_to_string(at("planned.html")).unwrap();
     assert!(page.contains("Expected standard errors") && page.contains("Motor positions"));
-    let (promised, first, second) = (json(&at("expected.json")), json(&at("first.json")), json(&at("second.json")));
+    let (promised, second) = (json(&at("expected.json")), json(&at("second.json")));
     let truth = json(&at("truth.json"));
-    assert!(promised["duration_s"].as_f64().unwrap() <= 24.0, "{}", promised["duration_s"]);
+    let duration_s = promised["duration_s"].as_f64().unwrap();
+    assert!(duration_s <= 24.0, "{duration_s}");
     assert_eq!(motion(&at("planned.toml")).segments.len() as u64, promised["segments"].as_u64().unwrap());
-    let mut better = Vec::new();
+    // Played for a third of the time, the preset would have √3 of its errors: for its length the plan tells more.
+    let as_long = (promised["preset_duration_s"].as_f64().unwrap() / duration_s).sqrt();
+    let ratio = promised["error_ratio"].as_f64().unwrap();
+    assert!(ratio < as_long, "{ratio} of the preset's errors, which has {as_long} in that time");
+    let mut dynamic = 0;
     for p in promised["parameters"].as_array().unwrap().iter().filter(|p| !p["ratio"].is_null()) {
         let name = p["name"].as_str().unwrap();
         let expected = p["std_error"].as_f64().unwrap();
-        let of = |calibration: &Value, field: &str| {
-            named(&calibration["parameters"], name).unwrap()[field].as_f64().unwrap()
-        };
-        let error = of(&second, "std_error");
-        let off = of(&second, "estimate") - named(&truth["truth"], name).unwrap()["value"].as_f64().unwrap();
+        let calibrated = named(&second["parameters"], name).unwrap();
+        let error = calibrated["std_error"].as_f64().unwrap();
+        let off =
+            calibrated["estimate"].as_f64().unwrap() - named(&truth["truth"], name).unwrap()["value"].as_f64().unwrap();
         eprintln!(
             "{name:8} promised ± {expected:.3e}, calibrated ± {error:.3e}, off by {:.2} promised errors",
             off / expected
         );
-        // The noise is known to the plan and estimated by the calibration, and the robot plays on with other parameters than planned.
-        assert!((0.7..1.4).contains(&(error / expected)), "{name}: promised ± {expected}, calibrated ± {error}");
-        // Of eleven parameters the largest is beyond 4 in one case of a thousand.
+        // The calibration estimates the noise of each motion anew. Measured: 0.79 to 1.18.
+        assert!((0.6..1.6).contains(&(error / expected)), "{name}: promised ± {expected}, calibrated ± {error}");
+        // The largest of twelve is beyond 4 in one case of a thousand.
         assert!(off.abs() < 4.0 * expected, "{name}: off by {off}, promised ± {expected}");
-        better.push((error / of(&first, "std_error")).ln());
+        dynamic += 1;
     }
-    assert_eq!(better.len(), 12);
-    // The short motion has the same length.
-    let mean = (better.iter().sum::<f64>() / better.len() as f64).exp();
-    assert!(mean < 0.9, "errors are {mean} of those by the short motion");
+    assert_eq!(dynamic, 12);
 }
 
 #[test]
@@ -104,16 +105,17 @@ fn the_same_seed_gives_the_same_motion() {
 fn what_cannot_be_planned_is_refused_with_advice() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("cal.json"), "{}").unwrap();
-    for (arguments, code, told) in [
-        (&["plan", "dogy", "-o", "m.toml"][..], 2, "did you mean `doggy`"),
+    let refused: [(&[&str], i32, &str); 8] = [
+        (&["plan", "dogy", "-o", "m.toml"], 2, "did you mean `doggy`"),
         (&["plan", "emps", "-o", "m.toml"], 4, "robots that the firmware drives"),
         (&["plan", "doggy", "--length", "4", "-o", "m.toml"], 2, "give a longer --length"),
-        (&["plan", "doggy", "--length", "-1", "-o", "m.toml"], 2, "seconds above 0"),
+        (&["plan", "doggy", "--length=-1", "-o", "m.toml"], 2, "seconds above 0"),
         (&["plan", "doggy", "--duty", "1.5", "-o", "m.toml"], 2, "up to 1"),
         (&["plan", "cal.json", "-o", "m.toml"], 4, "host calibrate -o"),
         (&["plan", "none.json", "-o", "m.toml"], 3, "cannot read none.json"),
         (&["plan", "doggy", "--time-limit", "0.001", "-o", "m.toml"], 5, "--time-limit"),
-    ] {
+    ];
+    for (arguments, code, told) in refused {
         let said = host(folder.path(), arguments, code);
         assert!(said.contains(told), "{arguments:?}: {said}");
         assert!(!folder.path().join("m.toml").exists());

@@ -6,7 +6,6 @@ pub mod healthy;
 pub mod hidden;
 pub mod machine;
 pub mod observed;
-pub mod planned;
 pub mod riddle;
 pub mod study;
 pub mod wrong_world;

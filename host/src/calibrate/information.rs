@@ -1,14 +1,14 @@
 //! The information that a motion holds of the parameters, as a matrix that adds up: motions that are played one after the other tell together what each
 //! of them tells.
 //!
-//! It is that of noise-free predictions, all states eliminated, as `identify` judges it, in units of the values:
+//! It is that of noise-free predictions, all states eliminated, as a calibration judges its motion, in units of the values:
 //!
 //! ```text
 //! J = D (∂z/∂p)ᵀ S (∂z/∂p) D        S: information of the solver's unknowns z,  p: parameters,  D: their values
 //! ```
 //!
-//! so the inverse holds squares of relative errors. A joint that sticks shows its Coulomb friction by the smoothing of the sign function only (see
-//! there): its friction is eliminated as if it were another one in each such motion. What the robot's build hides is taken as known.
+//! so the inverse holds squares of relative errors. A joint that sticks shows its Coulomb friction by the smoothing of the sign function only,
+//! which is no friction: it is eliminated as if it were another one in each such motion. What the robot's build hides is taken as known.
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
@@ -48,6 +48,8 @@ pub enum Weights {
     },
     /// That of another motion.
     Given(Noise),
+    /// For a part of a motion of which this is the noise: of steps, the root mean square of it and of the integrator's own error in the part.
+    Part(Noise),
 }
 
 impl Weights {
@@ -75,6 +77,14 @@ impl Weights {
         match self {
             Self::Assumed => {}
             Self::Given(noise) => problem.set_noise(noise.clone()),
+            Self::Part(whole) => {
+                let mut noise = floor::floor(problem, robot, point);
+                noise.channels.clone_from(&whole.channels);
+                for (sigma, whole) in noise.process.iter_mut().zip(&whole.process) {
+                    *sigma = (0.5 * (*sigma * *sigma + whole * whole)).sqrt();
+                }
+                problem.set_noise(noise);
+            }
             Self::Estimated { channels, missed } => {
                 let mut noise = floor::floor(problem, robot, point);
                 noise.channels = problem.noise().channels.clone();

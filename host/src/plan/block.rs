@@ -25,8 +25,8 @@ const TOLERANCE: f32 = 0.05;
 pub const REST_MS: u32 = 3400;
 /// Rest before a block that is tried alone, ms.
 const REST_OF_BLOCK_MS: u32 = 450;
-/// Hold at the end of a block, ms: belts swing out.
-const HOME_HOLD_MS: u32 = 900;
+/// Hold at the end of a block, ms: most of a swing is out. Doggy's swings die out in 0.6 s.
+const HOME_HOLD_MS: u32 = 500;
 /// Duty up to which a block is slow.
 pub const SLOW_DUTY: f32 = 0.2;
 /// Highest duty on the way home.
@@ -98,7 +98,7 @@ impl Block {
     /// The parts of the preset calibration motion, for so many joints.
     pub fn of_preset(joints: usize) -> Vec<Self> {
         let all = JointSet::first(joints);
-        let alternate = |joint: usize| if joint % 2 == 0 { 1.0 } else { -1.0 };
+        let alternate = |joint: usize| if joint.is_multiple_of(2) { 1.0 } else { -1.0 };
         let each = |part: f32| vec![part; joints];
         let steps =
             |joints, targets: Vec<Vec<f32>>, ceiling, pause_ms| Block::Steps { joints, targets, ceiling, pause_ms };
@@ -133,7 +133,7 @@ impl Block {
                 let mut targets: Vec<Vec<f32>> = (0..steps).map(|_| draw_targets(joints, rng)).collect();
                 // From side to side.
                 for (step, target) in targets.iter_mut().enumerate() {
-                    target[set.iter().next().unwrap_or(0)] *= if step % 2 == 0 { 1.0 } else { -1.0 };
+                    target[set.iter().next().unwrap_or(0)] *= if step.is_multiple_of(2) { 1.0 } else { -1.0 };
                 }
                 let pause_ms = if rng.random_bool(0.5) { 0 } else { rng.random_range(50..PAUSE_MS) };
                 Block::Steps { joints: set, targets, ceiling: duty, pause_ms }

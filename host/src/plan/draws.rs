@@ -100,7 +100,7 @@ impl Belief {
     pub fn weights(&self, nth: usize) -> Weights {
         match &self.spread {
             Spread::Calibrated { weights, .. } => weights.clone(),
-            Spread::Description if nth % 2 == 0 => Weights::Assumed,
+            Spread::Description if nth.is_multiple_of(2) => Weights::Assumed,
             Spread::Description => Weights::EXACT,
         }
     }

@@ -139,7 +139,7 @@ const TRAVEL: f64 = 0.95;
 /// No block is shorter, s: a move, and the way home.
 const SHORTEST_S: f64 = 2.0;
 /// Motions that are made and tried whole until one keeps all limits.
-const ATTEMPTS: usize = 6;
+const ATTEMPTS: usize = 12;
 
 /// What is going on, for whoever watches.
 #[derive(Debug, Clone, Copy)]
@@ -323,10 +323,19 @@ impl<'a> Bench<'a> {
 
     /// Whether a motion ended as it should and kept a margin to limits and watches on robot `robot`.
     fn holds(&self, robot: usize, conduct: &Conduct) -> bool {
+        self.breaks(robot, conduct).is_none()
+    }
+
+    /// The segment in which it did not.
+    fn breaks(&self, robot: usize, conduct: &Conduct) -> Option<usize> {
         let preset = &self.preset_trials[robot].conduct;
-        conduct.end == MotionEnd::Finished
-            && conduct.watch <= WATCH.max(preset.watch)
-            && conduct.travel <= TRAVEL.max(preset.travel)
+        let [last, watched, farthest] = conduct.segments.map(usize::from);
+        match conduct.end {
+            MotionEnd::Finished if conduct.watch > WATCH.max(preset.watch) => Some(watched),
+            MotionEnd::Finished if conduct.travel > TRAVEL.max(preset.travel) => Some(farthest),
+            MotionEnd::Finished => None,
+            MotionEnd::Stopped | MotionEnd::Fault(_) => Some(last),
+        }
     }
 
     /// The whole motion of a choice, tried on all robots. Blocks that do not hold in it are left out, and the choice is made anew; none if none holds.
@@ -351,8 +360,7 @@ impl<'a> Bench<'a> {
             };
             let mut trials = whole(&self.robots[..ROBOTS], Some(&self.weights[..]))?;
             trials.extend(whole(&self.robots[ROBOTS..], None)?);
-            let bad = trials.iter().enumerate().filter(|(robot, trial)| !self.holds(*robot, &trial.conduct));
-            let segments = bad.map(|(_, trial)| usize::from(trial.conduct.hardest_segment));
+            let segments = trials.iter().enumerate().filter_map(|(robot, trial)| self.breaks(robot, &trial.conduct));
             let mut left_out: Vec<usize> =
                 segments.filter_map(|segment| Some(choice.blocks[owners.get(segment).copied()??])).collect();
             left_out.sort_unstable();
@@ -404,11 +412,14 @@ impl Pool {
         let motions: Vec<Motion> =
             fresh.iter().map(|block| block::motion("block", &[block], &bench.limits, true).0).collect();
         let robots = &bench.robots[..ROBOTS];
-        // A block has a part in the whole motion's noise only: the preset's stands for that.
-        let noise = |trial: &Trial| {
-            trial.information.as_ref().map_or(Weights::Assumed, |told| Weights::Given(told.noise.clone()))
-        };
-        let weights: Vec<Weights> = bench.preset_trials[..ROBOTS].iter().map(noise).collect();
+        // A calibration estimates one noise of the whole motion, for which the preset's stands, and the block has its part in it.
+        let weights = bench.preset_trials[..ROBOTS].iter().zip(&bench.weights).map(|(trial, weights)| {
+            match (&trial.information, weights) {
+                (Some(told), Weights::Estimated { .. }) => Weights::Part(told.noise.clone()),
+                _ => weights.clone(),
+            }
+        });
+        let weights: Vec<Weights> = weights.collect();
         let Some(trials) = try_all(bench.belief, robots, &motions, Some(&weights), bench.settings.threads, go_on)?
         else {
             return Ok(false);

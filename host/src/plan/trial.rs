@@ -34,8 +34,8 @@ pub struct Conduct {
     pub watch: f64,
     /// Largest part of its half range that a motor or link went from the middle.
     pub travel: f64,
-    /// Segment that was hardest on the robot, from 0.
-    pub hardest_segment: u8,
+    /// As in [`Rehearsal`].
+    pub segments: [u8; 3],
 }
 
 impl Conduct {
@@ -51,7 +51,7 @@ impl Conduct {
             watch: nearest.stuck.max(nearest.wrong_way).max(nearest.rotation).into(),
             travel: away.fold(0.0, f64::max),
             joints: rehearsal.joints.clone(),
-            hardest_segment: rehearsal.hardest_segment,
+            segments: rehearsal.segments,
         }
     }
 }

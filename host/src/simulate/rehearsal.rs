@@ -23,8 +23,9 @@ pub struct Rehearsal {
     pub joints: Vec<JointPeaks>,
     /// The nearest that the watches came to their bounds, each as a part of its bound.
     pub nearest: Nearness,
-    /// Segment in which the motion ended by a fault, or else a watch came nearest or a joint went farthest; from 0.
-    pub hardest_segment: u8,
+    /// Segments, from 0: the last one played; where a watch came nearest to its bound; where a motor or link went farthest from the middle
+    /// of its range.
+    pub segments: [u8; 3],
 }
 
 /// The largest that a joint did in a motion.
@@ -96,9 +97,9 @@ impl Rehearsal {
             }
         };
         let source = Source { path: "simulated".into(), sha256: String::new() };
-        let hardest_segment = if end == MotionEnd::Finished { peaks.hardest.1 } else { peaks.last_segment };
+        let segments = [peaks.last_segment, peaks.watched.1, peaks.farthest.1];
         let Peaks { joints, nearest, .. } = peaks;
-        Ok(Self { recording: recorder.finish(source), end, joints, nearest, hardest_segment })
+        Ok(Self { recording: recorder.finish(source), end, joints, nearest, segments })
     }
 
     /// How long the motion lasted, s.
@@ -112,8 +113,10 @@ struct Peaks {
     joints: Vec<JointPeaks>,
     drives: Vec<Drive>,
     nearest: Nearness,
-    /// The largest part of a bound, and its segment.
-    hardest: (f64, u8),
+    /// The largest part of a watch's bound, and its segment.
+    watched: (f32, u8),
+    /// The largest part of a half range, and its segment.
+    farthest: (f64, u8),
     last_segment: u8,
 }
 
@@ -145,7 +148,8 @@ impl Peaks {
             joints: vec![unmoved; robot.joints.len()],
             drives: drives.collect(),
             nearest: Nearness::default(),
-            hardest: (0.0, 0),
+            watched: (0.0, 0),
+            farthest: (0.0, 0),
             last_segment: 0,
         }
     }
@@ -153,7 +157,7 @@ impl Peaks {
     /// The state at the end of a tick of this segment, in which this duty was in force.
     fn take(&mut self, board: &Board, segment: u8, duty: &[f64]) {
         self.last_segment = segment;
-        let mut hardest = 0.0_f64;
+        let mut away = 0.0_f64;
         for (j, (peaks, drive)) in self.joints.iter_mut().zip(&self.drives).enumerate() {
             let [q, qd, theta, thetad] = board.world().plant().joint_state(j);
             let motor = drive.torque_per_duty * duty[j] - drive.torque_per_speed * thetad;
@@ -163,15 +167,18 @@ impl Peaks {
             peaks.transmission_torque = peaks.transmission_torque.max(transmission.abs());
             peaks.travel = [peaks.travel[0].min(q.min(theta)), peaks.travel[1].max(q.max(theta))];
             peaks.duty_squared_s += duty[j] * duty[j] * 1e-3;
-            hardest = hardest.max((q - drive.middle).abs().max((theta - drive.middle).abs()) / drive.half_range);
+            away = away.max((q - drive.middle).abs().max((theta - drive.middle).abs()) / drive.half_range);
         }
         let Nearness { stuck, wrong_way, rotation } = board.control().nearness();
         self.nearest.stuck = self.nearest.stuck.max(stuck);
         self.nearest.wrong_way = self.nearest.wrong_way.max(wrong_way);
         self.nearest.rotation = self.nearest.rotation.max(rotation);
-        hardest = hardest.max(stuck.max(wrong_way).max(rotation).into());
-        if hardest > self.hardest.0 {
-            self.hardest = (hardest, segment);
+        let watch = stuck.max(wrong_way).max(rotation);
+        if watch > self.watched.0 {
+            self.watched = (watch, segment);
+        }
+        if away > self.farthest.0 {
+            self.farthest = (away, segment);
         }
     }
 }
