@@ -25,8 +25,8 @@ const LONGEST_SETTLING: usize = 2500;
 const REST_RAD: f64 = 4e-4;
 /// A jog that has moved a joint by so much is ended, rad.
 const GUARD_RAD: f64 = 0.04;
-/// How long no sample may come.
-const PATIENCE: Duration = Duration::from_secs(1);
+/// How long no sample may come: a busy machine may stand still for a while, and the firmware ends a jog by itself.
+const PATIENCE: Duration = Duration::from_secs(5);
 
 /// What the sensors make of a jog.
 #[derive(Debug, Clone, PartialEq)]
@@ -62,6 +62,12 @@ pub(super) struct Jogger<'a> {
     /// By gyro: its words at rest.
     zero: Vec<[f64; 3]>,
     last: Option<(u64, Sample)>,
+}
+
+/// A sample after a jog, and what the gyros have turned by until then.
+struct Settling {
+    sample: Sample,
+    turned: Vec<[f64; 3]>,
 }
 
 /// Sums along the way of a jog.
@@ -117,7 +123,7 @@ impl<'a> Jogger<'a> {
             counted: vec![Counted::default(); self.per_count.len()],
         };
         let (mut fault, mut over, mut stopped) = (None, false, false);
-        let mut tail: Vec<(Sample, Vec<[f64; 3]>)> = Vec::new();
+        let mut tail: Vec<Settling> = Vec::new();
         // The jog itself, and until its end is told; the event may be lost on the line.
         let mut left = usize::from(duration_ms) + 300;
         loop {
@@ -137,21 +143,20 @@ impl<'a> Jogger<'a> {
             if !over && left > 0 {
                 continue;
             }
-            tail.push((sample, way.turned.clone()));
+            tail.push(Settling { sample, turned: way.turned.clone() });
             if tail.len() >= LONGEST_SETTLING || self.rests(&tail) {
                 break;
             }
         }
         let length = if self.rests(&tail) { TAIL } else { LONG_TAIL };
         let tail = &tail[tail.len().saturating_sub(length)..];
-        let mean =
-            |value: &dyn Fn(&(Sample, Vec<[f64; 3]>)) -> f64| tail.iter().map(value).sum::<f64>() / tail.len() as f64;
+        let mean = |value: &dyn Fn(&Settling) -> f64| tail.iter().map(value).sum::<f64>() / tail.len() as f64;
         let moved = self.per_count.iter().enumerate().map(|(index, per_count)| {
             let from = start.encoders[index];
-            mean(&|(sample, _)| f64::from(sample.encoders[index].wrapping_sub(from))) * per_count
+            mean(&|settling| f64::from(settling.sample.encoders[index].wrapping_sub(from))) * per_count
         });
         let turned =
-            (0..self.zero.len()).map(|gyro| std::array::from_fn(|axis| mean(&|(_, turned)| turned[gyro][axis])));
+            (0..self.zero.len()).map(|gyro| std::array::from_fn(|axis| mean(&|settling| settling.turned[gyro][axis])));
         let response = Response { moved: moved.collect(), turned: turned.collect(), counted: way.counted, fault };
         if let Some(fault) = fault {
             if fault == Fault::EmergencyStop {
@@ -160,7 +165,7 @@ impl<'a> Jogger<'a> {
             self.device.clear_fault()?;
         }
         if length == TAIL {
-            let rest: Vec<Sample> = tail.iter().map(|(sample, _)| *sample).collect();
+            let rest: Vec<Sample> = tail.iter().map(|settling| settling.sample).collect();
             // Zeros drift: each rest counts for a quarter of what is known.
             for (zero, now) in self.zero.iter_mut().zip(words_of(&rest, self.per_word.len())) {
                 *zero = std::array::from_fn(|axis| 0.75 * zero[axis] + 0.25 * now[axis]);
@@ -217,15 +222,16 @@ impl<'a> Jogger<'a> {
     }
 
     /// Whether the last samples are rest: no encoder goes on, no gyro turns.
-    fn rests(&self, tail: &[(Sample, Vec<[f64; 3]>)]) -> bool {
+    fn rests(&self, tail: &[Settling]) -> bool {
         let Some(last) = tail.len().checked_sub(TAIL).map(|from| &tail[from..]) else { return false };
         let still = (0..self.per_count.len()).all(|index| {
-            let counts = last.iter().map(|(sample, _)| sample.encoders[index].wrapping_sub(last[0].0.encoders[index]));
+            let from = last[0].sample.encoders[index];
+            let counts = last.iter().map(|settling| settling.sample.encoders[index].wrapping_sub(from));
             let (low, high) = counts.fold((0, 0), |(low, high), count| (count.min(low), count.max(high)));
             high - low <= 3
         });
         let turns_no_more = |gyro: usize| {
-            let part = |axis: usize| last.iter().map(move |(_, turned)| turned[gyro][axis]);
+            let part = |axis: usize| last.iter().map(move |settling| settling.turned[gyro][axis]);
             let span = |axis: usize| part(axis).fold(f64::MIN, f64::max) - part(axis).fold(f64::MAX, f64::min);
             (0..3).all(|axis| span(axis) < REST_RAD)
         };

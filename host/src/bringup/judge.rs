@@ -54,10 +54,10 @@ impl Jogged {
             |value: &dyn Fn(&Response) -> f64| responses.iter().map(|(sign, r)| sign * value(r)).sum::<f64>() / n;
         let counted = |index: usize| {
             let all = responses.iter().map(|(_, response)| response.counted[index]);
-            all.fold(Counted::default(), |a, b| Counted {
-                lowest: a.lowest.min(b.lowest),
-                highest: a.highest.max(b.highest),
-                changes: a.changes + b.changes,
+            // The jog with the wider span: an open phase may begin at either of its two counts.
+            all.fold(Counted::default(), |a, b| {
+                let wider = if b.highest - b.lowest > a.highest - a.lowest { b } else { a };
+                Counted { changes: a.changes + b.changes, ..wider }
             })
         };
         Self {

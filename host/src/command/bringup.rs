@@ -91,7 +91,9 @@ pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
     if args.json {
         ui.print(&json(&findings)?)?;
     }
-    ui.say(format_args!("{}: nothing contradicts it; `host record --robot {0}` uses it", args.output.display()));
+    let path = args.output.display();
+    ui.say(format_args!("{path}: nothing contradicts it"));
+    ui.say(format_args!("hold the robot in its marked pose for `host record --robot {path} --set-zero`"));
     Ok(Exit::Ok)
 }
 

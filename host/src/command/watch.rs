@@ -119,6 +119,9 @@ fn look(
     Ok(())
 }
 
+/// How the drawing went.
+type Drawn = Result<(), Failure>;
+
 /// Where pictures go.
 struct Screen {
     in_place: bool,
@@ -127,7 +130,7 @@ struct Screen {
 
 impl Screen {
     /// A thread that draws what it is given until nothing more comes, and then tells how that went.
-    fn start(self) -> Result<(SyncSender<Picture>, Receiver<Result<(), Failure>>), Failure> {
+    fn start(self) -> Result<(SyncSender<Picture>, Receiver<Drawn>), Failure> {
         let (pictures, given) = sync_channel::<Picture>(1);
         let (done, ended) = channel();
         let draw = move || {
