@@ -59,7 +59,7 @@ fn motions_and_jogs_that_break_a_rule_are_refused_and_nothing_moves() {
     outside.segments[1].action = Action::MoveTo {
         joints: protocol::JointSet::only(1),
         targets: heapless::Vec::from_slice(&[0.61]).unwrap(),
-        ceiling: protocol::Duty(1000),
+        ceiling: Duty(1000),
         tolerance: 0.01,
         timeout_ms: 1000,
     };
