@@ -6,7 +6,7 @@
 >>> cal.parameters                                         # doctest: +SKIP
 >>> flexcal.verify(cal, flexcal.simulate(seed=3, nth=2))   # doctest: +SKIP
 
-Numbers are those of the binary `host` to the bit, `to_dict` and `save` its files, and results show its pages in a notebook. SI units throughout, on the
+Numbers are those of the binary `host`, of all verbs but `diagnose` to the bit; `to_dict` and `save` its files, and results show its pages in a notebook. SI units throughout, on the
 link side of the gear. Errors (`flexcal.errors`) say what is wrong and what to do.
 """
 

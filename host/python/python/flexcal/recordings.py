@@ -28,8 +28,7 @@ Inputs = Literal["hold", "interpolate"]
 class Recording:
     """A recording of a robot: one entry a tick in every column. SI units, on the link side of the gear.
 
-    Made by `load`, `from_arrays` and `simulate`. It is what its file says: results on it are those of the binary on the file that `save` writes,
-    to the bit.
+    Made by `load`, `from_arrays` and `simulate`. It is what its file says: results on it are those of the binary on the file that `save` writes.
     """
 
     def __init__(self, native: _native.Recording) -> None:
