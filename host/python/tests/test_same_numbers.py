@@ -1,4 +1,4 @@
-"""Whoever moves from the binary to Python gets the same files: to the last digit, but for the scores of a diagnosis."""
+"""Whoever moves from the binary to Python gets the same files to the last digit; of a diagnosis, verdict, names and estimates are compared."""
 
 import json
 import unittest
@@ -51,7 +51,7 @@ class SameNumbers(unittest.TestCase):
         self.assertEqual(found.verdict, theirs["verdict"])
         self.assertEqual(found.named, [finding["effect"] for finding in theirs["findings"]])
         extended = [parameter["estimate"] for parameter in theirs["extended"]["parameters"]]
-        # Scores of a diagnosis were seen to differ by 4e-10 of themselves; estimates end where the cost changes by 1e-9 of itself.
+        # Searches end where the cost changes by 1e-9 of itself.
         np.testing.assert_allclose(found.extended.estimates, extended, rtol=1e-6, atol=1e-9)
 
     def test_a_table_and_its_arrays(self):
