@@ -230,7 +230,7 @@ fn ctrl_c_stops_the_robot_first_and_closes_the_file() {
     assert!(said.contains("stopped"), "{said}");
     let help = Process::new(env!("CARGO_BIN_EXE_host")).arg("help").output().unwrap();
     let help = String::from_utf8(help.stdout).unwrap();
-    assert!(help.contains("ended by Ctrl-C: 3 of record"), "{help}");
+    assert!(help.contains("ended by Ctrl-C: 0 of simulate and watch, 3 of record and bringup"), "{help}");
     let commands: Vec<Command> = peer
         .finish()
         .into_iter()

@@ -221,6 +221,8 @@ struct Agreement {
     missed: f64,
     /// The encoders alone say that the gyro turns visibly, for longer than a transmission swings.
     is_turned: bool,
+    /// Encoders or gyro say so: of a shorter motion, as between many gaps, no factor is told.
+    lasts: bool,
 }
 
 impl Agreement {
@@ -239,9 +241,15 @@ impl Agreement {
         let visible = 3.0 * (VISIBLE_SIGMAS * sigma).powi(2);
         let moves = visible.max(VISIBLE_SIGMAS.powi(2) * scene.still);
         let (turned, read) = (pp.iter().sum::<f64>() >= moves, rr.iter().sum::<f64>() >= visible);
-        let turning = pairs.iter().filter(|(rate, _)| rate.iter().map(|w| w * w).sum::<f64>() >= moves).count();
-        let is_turned = turned && turning as f64 * scene.period_s >= LEAST_MOTION_S;
-        let mut all = Self { pp, rr, pr, missed: 0.0, is_turned };
+        let square = |rate: &[f64; 3], mean: [f64; 3]| (0..3).map(|i| (rate[i] - mean[i]).powi(2)).sum::<f64>();
+        let by_encoders = |pair: &Pair| square(&pair.0, [0.0; 3]) >= moves;
+        let by_gyro = |pair: &Pair| square(&pair.1, r) >= visible;
+        let lasts = |turns: &dyn Fn(&Pair) -> bool| {
+            pairs.iter().filter(|pair| turns(pair)).count() as f64 * scene.period_s >= LEAST_MOTION_S
+        };
+        let is_turned = turned && lasts(&by_encoders);
+        let lasts = lasts(&|pair| by_encoders(pair) || by_gyro(pair));
+        let mut all = Self { pp, rr, pr, missed: 0.0, is_turned, lasts };
         all.missed = all.missed_if([(0, 1.0), (1, 1.0), (2, 1.0)], 1.0);
         (turned || read).then_some(all)
     }
@@ -301,7 +309,8 @@ pub(super) fn look(scene: &Scene<'_>, findings: &mut Findings) {
         // A base that gives way misses much, too: without a mistake that explains it only a clean factor is one. No likeness at all to a
         // motion that the encoders see is worth a word.
         let correlation = agreement.coefficient();
-        let is_factor = correlation > ALIKE && !(1.0 / UNIT_FACTOR..UNIT_FACTOR).contains(&agreement.gain());
+        let is_factor =
+            agreement.lasts && correlation > ALIKE && !(1.0 / UNIT_FACTOR..UNIT_FACTOR).contains(&agreement.gain());
         let is_unlike = agreement.is_turned && correlation <= DISAGREES;
         if suspects.is_empty() && !is_factor && !is_unlike {
             continue;
