@@ -3,6 +3,7 @@
 use crate::effect::Effect;
 
 use super::Exported;
+use super::xml::comment;
 
 /// What becomes of a part of the model in a file.
 #[derive(Debug, Clone, PartialEq)]
@@ -97,4 +98,16 @@ pub(super) fn of_programs(exported: &Exported<'_>) -> Vec<Loss> {
 /// What an effect is, in a few words.
 pub(super) fn title(id: &str) -> String {
     Effect::by_id(id).map_or_else(|_| "an effect of this calibration".to_owned(), |effect| effect.title.to_owned())
+}
+
+/// The head of an XML file, inside a comment: where it comes from, what it keeps, and what the recordings did not identify.
+pub(super) fn xml_head(exported: &Exported<'_>, losses: &[Loss]) -> String {
+    let unknown: Vec<_> = exported.parameters.iter().filter(|p| p.std_error.is_none()).map(|p| &*p.name).collect();
+    let mut lines = exported.origin();
+    lines.push("What this file keeps of the model:".to_owned());
+    lines.extend(losses.iter().map(|loss| format!("  {loss}")));
+    if !unknown.is_empty() {
+        lines.push(format!("NOT IDENTIFIED by the recordings: {}", unknown.join(", ")));
+    }
+    lines.iter().map(|line| format!("  {}\n", comment(line))).collect()
 }

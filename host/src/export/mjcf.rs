@@ -11,9 +11,8 @@ use std::fmt::Write;
 
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
-use super::loss::{Loss, title};
+use super::loss::{Loss, title, xml_head};
 use super::machine::{JointValues, Moments};
-use super::xml::comment;
 use super::{ExportError, Exported};
 use crate::model::law::PassiveJoint;
 use crate::robot::{ChannelKind, GravityLoad, InputUnit, Joint, JointKind, Transmission};
@@ -25,17 +24,7 @@ use crate::robot::{ChannelKind, GravityLoad, InputUnit, Joint, JointKind, Transm
 pub fn mjcf(exported: &Exported<'_>) -> Result<(String, Vec<Loss>), ExportError> {
     let losses = losses(exported);
     let mut text = String::from("<!--\n");
-    for line in exported.origin() {
-        let _ = writeln!(text, "  {}", comment(&line));
-    }
-    text += "  What this file keeps of the model:\n";
-    for loss in &losses {
-        let _ = writeln!(text, "    {}", comment(&loss.to_string()));
-    }
-    let unknown: Vec<_> = exported.parameters.iter().filter(|p| p.std_error.is_none()).map(|p| &*p.name).collect();
-    if !unknown.is_empty() {
-        let _ = writeln!(text, "  NOT IDENTIFIED by the recordings: {}", comment(&unknown.join(", ")));
-    }
+    text += &xml_head(exported, &losses);
     let robot = exported.calibrated.robot();
     let timestep = robot.sample_period_s / exported.parts() as f64;
     let gravity = if robot.chain().has_gravity() || has_passive(exported) { robot.gravity_m_s2 } else { [0.0; 3] };

@@ -4,9 +4,8 @@ use std::fmt::Write;
 
 use nalgebra::{Matrix3, Rotation3};
 
-use super::loss::{Loss, title};
+use super::loss::{Loss, title, xml_head};
 use super::machine::Moments;
-use super::xml::comment;
 use super::{ExportError, Exported};
 use crate::robot::{InputUnit, JointKind, Transmission};
 
@@ -18,16 +17,7 @@ pub fn urdf(exported: &Exported<'_>) -> Result<(String, Vec<Loss>), ExportError>
     let losses = losses(exported);
     let robot = exported.calibrated.robot();
     let mut text = String::from("<?xml version=\"1.0\"?>\n<!--\n");
-    let unknown: Vec<_> = exported.parameters.iter().filter(|p| p.std_error.is_none()).map(|p| &*p.name).collect();
-    let mut lines = exported.origin();
-    lines.push("What this file keeps of the model:".to_owned());
-    lines.extend(losses.iter().map(|loss| format!("  {loss}")));
-    if !unknown.is_empty() {
-        lines.push(format!("NOT IDENTIFIED by the recordings: {}", unknown.join(", ")));
-    }
-    for line in lines {
-        let _ = writeln!(text, "  {}", comment(&line));
-    }
+    text += &xml_head(exported, &losses);
     let _ = write!(text, "-->\n<robot name=\"{}\">\n  <link name=\"base\"/>\n", robot.name);
     let (moments, _) = exported.bodies();
     let mut parent = "base".to_owned();

@@ -357,17 +357,12 @@ impl<'a> Bench<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::calibrate::fit;
+    use crate::calibrate::extension::fixture::doggy;
     use crate::effect::Effect;
-    use crate::simulate::{Direct, Options, SHORT_MOTION};
 
     #[test]
     fn a_stop_that_is_never_met_leaves_the_others_their_errors() {
-        let robot = Robot::builtin("doggy").unwrap();
-        let options = Options { seed: 3, ..Options::new(robot.clone()) };
-        let whole = Direct::record(&options, SHORT_MOTION).unwrap().recording;
-        let recording = whole.part(0..8_000.min(whole.len()));
-        let base = fit(&robot, &[&recording], Preset::Default, &Settings::default(), |_, _| {}).unwrap();
+        let (robot, base) = doggy();
         let noise = base.noise.clone();
         let (bench, trial) =
             Bench::new(&robot, (base.series.clone(), vec![0]), &base, noise, Settings::default()).unwrap();

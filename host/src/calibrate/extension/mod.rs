@@ -2,6 +2,8 @@
 
 pub(crate) mod bench;
 pub(crate) mod blocks;
+#[cfg(test)]
+mod fixture;
 pub(crate) mod laws;
 pub(crate) mod others;
 pub(crate) mod scores;

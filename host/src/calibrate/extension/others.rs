@@ -90,18 +90,12 @@ impl Bench<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::calibrate::{Preset, fit};
-    use crate::robot::Robot;
-    use crate::simulate::{Direct, Options, SHORT_MOTION};
+    use crate::calibrate::extension::fixture::doggy;
     use solve::levenberg::Settings;
 
     #[test]
     fn what_is_a_recording_s_own_is_found_again_and_all_else_stays() {
-        let robot = Robot::builtin("doggy").unwrap();
-        let options = Options { seed: 3, ..Options::new(robot.clone()) };
-        let whole = Direct::record(&options, SHORT_MOTION).unwrap().recording;
-        let recording = whole.part(0..8_000.min(whole.len()));
-        let base = fit(&robot, &[&recording], Preset::Default, &Settings::default(), |_, _| {}).unwrap();
+        let (robot, base) = doggy();
         let noise = base.noise.clone();
         let (bench, trial) =
             Bench::new(&robot, (base.series.clone(), vec![0]), &base, noise, Settings::default()).unwrap();

@@ -5,8 +5,9 @@ use std::fmt::Write;
 
 use super::sources::{References, Sources};
 use super::unit::base_unit;
+use crate::export::loss::xml_head;
 use crate::export::program::head_of_program;
-use crate::export::xml::{comment, escaped};
+use crate::export::xml::escaped;
 use crate::export::{Exported, Loss, Program};
 use crate::model::Expression;
 use crate::model::expression::Node;
@@ -19,16 +20,7 @@ pub(super) fn model_description(
     losses: &[Loss],
 ) -> String {
     let mut text = String::from("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<!--\n");
-    let unknown: Vec<_> = exported.parameters.iter().filter(|p| p.std_error.is_none()).map(|p| &*p.name).collect();
-    let mut lines = exported.origin();
-    lines.push("What this file keeps of the model:".to_owned());
-    lines.extend(losses.iter().map(|loss| format!("  {loss}")));
-    if !unknown.is_empty() {
-        lines.push(format!("NOT IDENTIFIED by the recordings: {}", unknown.join(", ")));
-    }
-    for line in lines {
-        let _ = writeln!(text, "  {}", comment(&line));
-    }
+    text += &xml_head(exported, losses);
     let robot = exported.calibrated.robot();
     let (identifier, period_s) = (&sources.identifier, robot.sample_period_s);
     let description = match exported.warning() {
