@@ -17,6 +17,7 @@ use super::extension::warm_start;
 use super::extension::warm_start::Known;
 use super::identifiability::observability;
 use super::initial_guess::start;
+use super::initial_guess::torque_start::TorqueStart;
 use super::noise_estimate::outliers::Screened;
 use super::noise_estimate::reml::{self, Residue};
 use super::requirements::accept;
@@ -29,7 +30,7 @@ use super::result::fitted::Fit;
 use super::result::misfit;
 use super::result::summary;
 use super::scatter;
-use super::search::marginal;
+use super::search::{marginal, specification};
 use super::search::{self, Found};
 use crate::effect::Effect;
 use crate::model::Model;
@@ -43,6 +44,9 @@ const ROUGH: f64 = 1e-5;
 
 /// The same where a trial has found the shared unknowns: the estimate of the noise that follows takes the states' step that is left.
 const TRIED: f64 = 1e-2;
+
+/// Iterations of a first search from what torques have shown, after which both are compared. A model that fits takes four to eight.
+const NEAR: usize = 10;
 
 /// Iterations in which states settle around shared unknowns that are nearly right.
 const SETTLING: usize = 3;
@@ -113,10 +117,11 @@ pub fn fit(
     let screened = Screened::new(Series::of(robot, recordings), assumptions.without_outliers);
     let clock = Instant::now();
     let start = start::start(&model, robot, screened.series());
-    let task = Task { robot, recordings, method, begin, start: clock.elapsed(), settings, tight: None };
+    let by_torques = start.by_torques.as_ref();
+    let task = Task { robot, recordings, method, begin, start: clock.elapsed(), settings, tight: None, by_torques };
     let mut problem = Problem::new(&model, robot, screened.series(), assumptions);
-    if let Some(sigma) = &start.input_noise {
-        problem.set_noise(problem.noise().clone().with_inputs(robot, model.layout(), sigma));
+    if let Some(torques) = &start.by_torques {
+        problem.set_noise(problem.noise().clone().with_inputs(robot, model.layout(), &torques.left));
     }
     task.solve(problem, &screened, start.point, progress)
 }
@@ -201,7 +206,7 @@ impl Extended<'_> {
             let problem = laws::problem(&model, robot, series, from);
             let start = warm_start::warm_start(&problem, robot, series, &known, settings);
             let tight = self.tried.filter(|_| tight).map(|(_, bench)| bench.noise_of(&problem));
-            let task = Task { robot, recordings, method, begin, start: spent, settings, tight };
+            let task = Task { robot, recordings, method, begin, start: spent, settings, tight, by_torques: None };
             task.solve(problem, &screened, start, &mut progress)
         };
         let mut fit = match solve(true) {
@@ -225,6 +230,8 @@ struct Task<'a> {
     settings: &'a Settings,
     /// Noise of the model without its errors, under which the search goes on before the noise is estimated.
     tight: Option<Noise>,
+    /// What torques have shown, at which noise can be estimated before any search.
+    by_torques: Option<&'a TorqueStart>,
 }
 
 impl Task<'_> {
@@ -245,10 +252,41 @@ impl Task<'_> {
         let first = if estimated { &rough } else { settings };
         // Only the states have to settle where a trial has found the rest.
         let settled = Settings { max_iterations: SETTLING, ..rough.clone() };
-        let opening = if self.tight.is_some() { &settled } else { first };
+        // What torques have shown is near the end, or the model does not fit: then a search goes far, and slowly.
+        let near = Settings { max_iterations: NEAR, ..rough.clone() };
+        let opening = match () {
+            () if self.tight.is_some() => &settled,
+            () if self.by_torques.is_some() => &near,
+            () => first,
+        };
 
         problem.shift_readings(&start.z);
+        if estimated && self.by_torques.is_some() {
+            reml::estimate(&mut problem, robot, &start, settings.threads)?;
+            let settled = reml::states(&problem, &start, settings.threads)?;
+            if screened.look(&mut problem, &settled, settings.threads) {
+                reml::estimate(&mut problem, robot, &settled, settings.threads)?;
+            }
+        }
+        let at_start = problem.noise().clone();
         let mut found = search::search(&problem, robot, &start, &structural, opening, &mut progress)?;
+        let scatter = |problem: &Problem<'m>, found: &Found<'m>| {
+            let directions: Vec<_> = found.held.iter().map(|held| held.direction.clone()).collect();
+            let is_asked = self.method.preset != Preset::Paper;
+            is_asked.then(|| scatter::between_blocks(problem, robot, &found.solution.point, &directions, settings.threads))?
+        };
+        let disagreements = |problem: &Problem<'m>, found: &Found<'m>| match self.by_torques {
+            Some(torques) if self.method.preset != Preset::Paper => {
+                let wider = scatter(problem, found).map_or_else(Vec::new, |scatter| scatter.wider);
+                specification::disagreements(problem, torques, found, &wider)
+            }
+            _ => Vec::new(),
+        };
+        let mut disagree = disagreements(&problem, &found);
+        if self.by_torques.is_some() && disagree.is_empty() {
+            found = search::again(&problem, robot, (&start, found), &structural, first, &mut progress)?;
+            disagree = disagreements(&problem, &found);
+        }
         for _ in 1..MOST_SHIFTS {
             if !problem.shift_readings(&found.solution.point.z) {
                 break;
@@ -261,7 +299,7 @@ impl Task<'_> {
             found = search::again(&problem, robot, (&start, found), &structural, &near, &mut progress)?;
         }
         for _ in 0..MOST_SIFTINGS {
-            if !screened.look(&mut problem, &found.solution.point, settings.threads) {
+            if !disagree.is_empty() || !screened.look(&mut problem, &found.solution.point, settings.threads) {
                 break;
             }
             found = search::again(&problem, robot, (&start, found), &structural, first, &mut progress)?;
@@ -269,7 +307,7 @@ impl Task<'_> {
         let by_motion = found.noise_free.clone();
         let mut noise_clock = Duration::ZERO;
         let mut floor = None;
-        if estimated {
+        if estimated && disagree.is_empty() {
             let clock = Instant::now();
             floor = Some(reml::estimate(&mut problem, robot, &found.solution.point, settings.threads)?.floor);
             noise_clock += clock.elapsed();
@@ -277,6 +315,13 @@ impl Task<'_> {
             if screened.look(&mut problem, &found.solution.point, settings.threads) {
                 found = search::again(&problem, robot, (&start, found), &structural, settings, &mut progress)?;
             }
+        }
+        if disagree.is_empty() {
+            disagree = disagreements(&problem, &found);
+        }
+        if let Some(torques) = self.by_torques.filter(|_| !disagree.is_empty()) {
+            problem.set_noise(at_start);
+            specification::at_torques(&problem, torques, &mut found, &structural, settings)?;
         }
         let clock = Instant::now();
         let residue = reml::residue(&problem, &found.solution.point, settings.threads)?;
@@ -289,11 +334,8 @@ impl Task<'_> {
             found.silent.extend(by_noise.silent);
             wider = by_noise.wider;
         }
-        let mut scatter = None;
-        if self.method.preset != Preset::Paper {
-            let directions: Vec<_> = found.held.iter().map(|held| held.direction.clone()).collect();
-            scatter = scatter::between_blocks(&problem, robot, &found.solution.point, &directions, settings.threads);
-        }
+        // Torques have told the errors of what is theirs.
+        let scatter = if disagree.is_empty() { scatter(&problem, &found) } else { None };
         for (unknown, factor) in scatter.iter().flat_map(|scatter| &scatter.wider) {
             match wider.iter_mut().find(|(known, _)| known == unknown) {
                 Some((_, known)) => *known = f64::max(*known, *factor),
@@ -328,7 +370,7 @@ impl Task<'_> {
             ratio: scatter.ratio,
             coloured: !scatter.wider.is_empty(),
         });
-        calibration.misfit = misfit::sentences(&problem, &found, &calibration);
+        calibration.misfit = misfit::sentences(&problem, (&found, &disagree), &calibration);
         if !calibration.misfit.is_empty() && calibration.status.is_usable() {
             calibration.status = Status::DoesNotFit;
         }

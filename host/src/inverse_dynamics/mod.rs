@@ -7,22 +7,19 @@
 //! The recipe of inverse dynamics identification (Gautier; Janot, Vandanjon, Gautier 2014): torques are linear in the parameters, so that the answer does
 //! not depend on where it starts. A calibration of a rigid robot starts from it, and `verify --metric torque` compares with it.
 //!
-//! The corner of the low-pass is chosen from the positions: the lowest one at which the filter takes away no more than their noise.
+//! The corner of the low-pass is chosen from the torques ([`corner`]): the one whose filtered motion explains the torques as they were read best.
 
+mod corner;
 mod lowpass;
+mod robust;
 
 use nalgebra::{DMatrix, DVector};
 
 use crate::model::{Input, Model};
+pub use corner::{Cornered, HIGHEST_CORNER, corner};
 use lowpass::Lowpass;
+pub use robust::Loss;
 
-/// Corners that are tried, as a share of the sampling frequency, the highest first.
-pub const HIGHEST_CORNER: f64 = 0.2;
-const LOWEST_CORNER: f64 = 0.002;
-const NEXT_CORNER: f64 = 0.8;
-/// What the filter takes away, mean square, over the noise: a corner below which more is lost than noise is too low. At half of it no low
-/// corner is ever taken, as a low one takes all of the noise; double of it lets a filter take as much of the motion as there is noise.
-const LOST_OVER_NOISE: f64 = 1.2;
 /// Before samples are dropped torques are filtered at this share of what is then half the sampling frequency.
 const DECIMATION_SHARE: f64 = 0.8;
 /// Fewest torques that are kept of a run.
@@ -33,6 +30,9 @@ const MARGIN: usize = 20;
 pub const SHORTEST_RUN: usize = 200;
 /// Torques are linear in the parameters of the base model; laws may need a few rounds.
 const ROUNDS: usize = 6;
+/// Share of what is left that a step still promises to take at which rounds end; weights of a robust loss change a little with every one.
+const STILL: f64 = 1e-9;
+const STILL_ROBUST: f64 = 1e-3;
 /// Directions of the parameters that show less than this share of the strongest one stay where they were.
 const LEAST_SHARE: f64 = 1e-9;
 
@@ -74,47 +74,6 @@ pub struct Identified {
     pub z: Vec<f64>,
     /// Of these; zero for those that the torques do not show.
     pub covariance: DMatrix<f64>,
-}
-
-/// The corner for these runs, over the sampling frequency: the highest that any joint wants.
-pub fn corner(runs: &[Readings]) -> f64 {
-    let joints = runs.first().map_or(0, |run| run.positions.len());
-    let wanted = (0..joints).map(|joint| {
-        let columns: Vec<&[f64]> = runs.iter().map(|run| &run.positions[joint][..]).collect();
-        corner_of(&columns)
-    });
-    wanted.fold(LOWEST_CORNER, f64::max)
-}
-
-/// The lowest corner whose filter takes no more than the noise of these columns.
-fn corner_of(columns: &[&[f64]]) -> f64 {
-    let noise = noise_variance(columns);
-    let mut found = HIGHEST_CORNER;
-    let mut corner = HIGHEST_CORNER;
-    while corner >= LOWEST_CORNER {
-        let filter = Lowpass::butterworth(corner);
-        let (mut lost, mut count) = (0.0, 0usize);
-        for column in columns {
-            let filtered = filter.zero_phase(column);
-            lost += filtered.iter().zip(*column).map(|(a, b)| (a - b) * (a - b)).sum::<f64>();
-            count += column.len();
-        }
-        if lost / count.max(1) as f64 > LOST_OVER_NOISE * noise {
-            break;
-        }
-        found = corner;
-        corner *= NEXT_CORNER;
-    }
-    found
-}
-
-/// Variance of white noise in columns: of their fourth differences, whose weights 1, −4, 6, −4, 1 make 70 of it.
-fn noise_variance(columns: &[&[f64]]) -> f64 {
-    let differences = columns.iter().flat_map(|column| column.windows(5));
-    let (sum, count) = differences.fold((0.0, 0usize), |(sum, count), w| {
-        (sum + (w[0] - 4.0 * w[1] + 6.0 * w[2] - 4.0 * w[3] + w[4]).powi(2), count + 1)
-    });
-    sum / (70.0 * count.max(1) as f64)
 }
 
 impl Motion {
@@ -169,10 +128,10 @@ impl Motion {
         self.every(self.decimation, model, z, driven)
     }
 
-    /// Root mean square of what the motors' torques miss at `z`, joint by joint, with all that inputs have of noise.
-    pub fn missing_rms(&self, model: &Model, z: &[f64]) -> Vec<f64> {
-        let rms = |missing: Vec<f64>| norm(&missing) / (missing.len().max(1) as f64).sqrt();
-        self.every(1, model, z, true).into_iter().map(rms).collect()
+    /// Standard deviation of what the motors' torques miss at `z`, joint by joint, with all that inputs have of noise; a few torques that are missed by far do
+    /// not count.
+    pub fn missing_scale(&self, model: &Model, z: &[f64]) -> Vec<f64> {
+        self.every(1, model, z, true).iter().map(|missing| robust::scale(missing)).collect()
     }
 
     fn every(&self, decimation: usize, model: &Model, z: &[f64], driven: bool) -> Vec<Vec<f64>> {
@@ -201,19 +160,22 @@ impl Motion {
         out
     }
 
-    /// Least squares of the torques from `z` on, joints weighted by what is left of theirs. What is `held` stays.
-    pub fn identify(&self, model: &Model, z: &[f64], held: &[usize]) -> Identified {
+    /// Least squares of the torques from `z` on, joints weighted by what is left of theirs, equations by `loss`. What is `held` stays.
+    pub fn identify(&self, model: &Model, z: &[f64], held: &[usize], loss: Loss) -> Identified {
         let unknowns = z.len();
         let mut z = z.to_vec();
         let mut covariance = DMatrix::zeros(unknowns, unknowns);
         for _ in 0..ROUNDS {
             let missing = self.missing(model, &z, true);
-            let weights: Vec<f64> =
-                missing.iter().map(|m| (m.len() as f64).sqrt() / norm(m).max(f64::MIN_POSITIVE)).collect();
+            let size = |m: &[f64]| {
+                let scale = if loss == Loss::Bisquare { robust::scale(m) } else { 0.0 };
+                if scale > 0.0 { scale } else { norm(m) / (m.len() as f64).sqrt() }
+            };
+            let weights: Vec<f64> = missing.iter().map(|m| 1.0 / size(m).max(f64::MIN_POSITIVE)).collect();
             let weighted = |columns: &[Vec<f64>]| -> Vec<f64> {
                 columns.iter().zip(&weights).flat_map(|(column, w)| column.iter().map(move |value| w * value)).collect()
             };
-            let residual = DVector::from_vec(weighted(&missing));
+            let mut residual = DVector::from_vec(weighted(&missing));
             let mut columns = DMatrix::zeros(residual.len(), unknowns);
             let mut scale = vec![1.0; unknowns];
             for i in (0..unknowns).filter(|i| !held.contains(i)) {
@@ -225,7 +187,14 @@ impl Motion {
                 scale[i] = column.norm().max(f64::MIN_POSITIVE);
                 columns.set_column(i, &(column / scale[i]));
             }
-            let svd = columns.svd(true, true);
+            let groups: Vec<usize> = missing.iter().map(Vec::len).collect();
+            if loss == Loss::Bisquare
+                && let Some(roots) = robust::root_weights(&columns, &residual, &groups, LEAST_SHARE.sqrt())
+            {
+                residual.component_mul_assign(&roots);
+                columns.column_iter_mut().for_each(|mut column| column.component_mul_assign(&roots));
+            }
+            let svd = columns.clone().svd(true, true);
             let least = LEAST_SHARE.sqrt() * svd.singular_values.max();
             let Ok(step) = svd.solve(&residual, least) else { break };
             let promised = step.norm() / residual.norm().max(f64::MIN_POSITIVE);
@@ -234,10 +203,14 @@ impl Motion {
             }
             if let Some(v_t) = &svd.v_t {
                 let seen = svd.singular_values.map(|s| if s > least { 1.0 / (s * s) } else { 0.0 });
-                let inverse = v_t.transpose() * DMatrix::from_diagonal(&seen) * v_t;
+                let mut inverse = v_t.transpose() * DMatrix::from_diagonal(&seen) * v_t;
+                if loss == Loss::Bisquare {
+                    let left = &residual - &columns * &step;
+                    inverse = &inverse * robust::between_blocks(&columns, &left, &groups) * &inverse;
+                }
                 covariance = DMatrix::from_fn(unknowns, unknowns, |i, j| inverse[(i, j)] / (scale[i] * scale[j]));
             }
-            if promised < 1e-9 {
+            if promised < if loss == Loss::Squares { STILL } else { STILL_ROBUST } {
                 break;
             }
         }
@@ -248,44 +221,4 @@ impl Motion {
 /// √ Σ x².
 pub fn norm(values: &[f64]) -> f64 {
     values.iter().map(|value| value * value).sum::<f64>().sqrt()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// A sweep from 0.2 to 3 Hz at 500 Hz, read with noise or in steps of 3 mrad.
-    fn sweep(reads: impl Fn(usize, f64) -> f64) -> Vec<f64> {
-        (0..10_000)
-            .map(|k| {
-                let t = 0.002 * k as f64;
-                reads(k, (std::f64::consts::TAU * (0.2 + 0.07 * t) * t).sin())
-            })
-            .collect()
-    }
-
-    /// Uniform between −½ and ½, by the place alone.
-    fn noise(k: usize) -> f64 {
-        let mixed = (k as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-        ((mixed ^ (mixed >> 29)).wrapping_mul(0xbf58_476d_1ce4_e5b9) >> 11) as f64 / (1u64 << 53) as f64 - 0.5
-    }
-
-    #[test]
-    fn a_coarse_encoder_gets_a_lower_corner_than_a_fine_one() {
-        let coarse = corner_of(&[&sweep(|_, q| (q / 3e-3).round() * 3e-3)]);
-        let noisy = corner_of(&[&sweep(|k, q| q + 1e-2 * noise(k))]);
-        let fine = corner_of(&[&sweep(|k, q| q + 1e-6 * noise(k))]);
-        // The sweep ends at 3 Hz, 0.006 of the sampling frequency; two times that keeps it, and a tenth of it is well below half of it.
-        for corner in [coarse, noisy] {
-            assert!((0.007..0.06).contains(&corner), "coarse {coarse}, noisy {noisy}");
-        }
-        assert!(fine > coarse && fine > noisy, "fine {fine}, coarse {coarse}, noisy {noisy}");
-    }
-
-    #[test]
-    fn the_variance_of_white_noise_is_seen_under_a_motion() {
-        let found = noise_variance(&[&sweep(|k, q| q + 1e-2 * noise(k))]);
-        // Uniform over 1e-2: 1e-4/12. rtol 5 %: 10,000 samples, fourth differences overlap.
-        assert!((found / (1e-4 / 12.0) - 1.0).abs() < 0.05, "{found}");
-    }
 }

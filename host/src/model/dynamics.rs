@@ -161,11 +161,6 @@ impl<'m> Dynamics<'m> {
         parts(self.rubbing.iter().map(steepness).fold(0.0, f64::max) * duration_s)
     }
 
-    /// Components of the state that are errors of measured inputs.
-    pub(super) fn input_errors(&self) -> std::ops::Range<usize> {
-        self.model.layout.inputs()
-    }
-
     /// Columns of [`Linear::slopes`]: state components, then coordinates.
     pub fn columns(&self) -> usize {
         self.size() + self.model.coordinates.len()

@@ -1,6 +1,6 @@
 //! One step of the dynamics with the input held, and its exact derivatives by the chain rule through the method's stages. States that only relax towards
-//! the others, as those of lagging gyros, go by their own solution (`relaxation`). Errors of measured inputs are held over a step and expected to be nothing
-//! in the next: the noise is white.
+//! the others, as those of lagging gyros, go by their own solution (`relaxation`). Errors of measured inputs are held over a step, as inputs are; what they are
+//! in the next is not the dynamics' business.
 
 use serde::{Deserialize, Serialize};
 
@@ -107,7 +107,6 @@ impl Stepper {
             }
             self.from = from;
         }
-        next[dynamics.input_errors()].fill(0.0);
     }
 
     /// Equal parts in which the step from `x` is made.
@@ -165,9 +164,6 @@ impl Stepper {
             }
             (self.of_part, self.from) = (of_part, from);
         }
-        let (errors, columns) = (dynamics.input_errors(), dynamics.columns());
-        out.next[errors.clone()].fill(0.0);
-        out.slopes[errors.start * columns..errors.end * columns].fill(0.0);
     }
 
     fn part_slopes(

@@ -19,6 +19,8 @@ pub struct Series {
     measured: Vec<f64>,
     /// `[k · joints + j]`, in the unit of the robot's input.
     input: Vec<f64>,
+    /// How many times the usual error of a measured input is allowed, `[k · joints + j]`; empty where that is one everywhere.
+    input_spread: Vec<f64>,
     /// Time to the next stage, s; NaN where the chain breaks.
     duration_s: Vec<f64>,
     /// Since the start of the whole recording, s.
@@ -58,6 +60,7 @@ impl Series {
         let mut series = Series {
             measured: Vec::with_capacity(stages * channels.len()),
             input: Vec::with_capacity(stages * joints),
+            input_spread: Vec::new(),
             duration_s: Vec::with_capacity(stages),
             time_s: Vec::with_capacity(stages),
             period_s: period_s(robot, recordings),
@@ -133,6 +136,7 @@ impl Series {
         let mut part = Series {
             measured: Vec::with_capacity(samples * self.channels.len()),
             input: Vec::with_capacity(samples * self.joints),
+            input_spread: Vec::new(),
             duration_s: Vec::with_capacity(samples),
             time_s: Vec::with_capacity(samples),
             period_s: self.period_s,
@@ -170,6 +174,9 @@ impl Series {
             let channels = self.channels.len();
             self.measured.extend_from_slice(&from.measured[run.start * channels..run.end * channels]);
             self.input.extend_from_slice(&from.input[run.start * self.joints..run.end * self.joints]);
+            if !from.input_spread.is_empty() {
+                self.input_spread.extend_from_slice(&from.input_spread[run.start * self.joints..run.end * self.joints]);
+            }
             self.duration_s.extend_from_slice(&from.duration_s[run.clone()]);
             self.time_s.extend_from_slice(&from.time_s[run.clone()]);
             if let Some(last) = self.duration_s.last_mut() {
@@ -185,6 +192,7 @@ impl Series {
         let mut part = Series {
             measured: Vec::new(),
             input: Vec::new(),
+            input_spread: Vec::new(),
             duration_s: Vec::new(),
             time_s: Vec::new(),
             recordings: Vec::new(),
@@ -236,6 +244,7 @@ impl Series {
         let mut part = Series {
             measured: Vec::new(),
             input: Vec::new(),
+            input_spread: Vec::new(),
             duration_s: Vec::new(),
             time_s: Vec::new(),
             recordings: Vec::new(),
@@ -269,6 +278,7 @@ impl Series {
             input: (0..stages * joints)
                 .map(|i| if i < rest * joints { 0.0 } else { rng.random_range(-0.9..0.9) })
                 .collect(),
+            input_spread: Vec::new(),
             time_s: (0..stages).map(|k| 1e-3 * k as f64).collect(),
             period_s: 1e-3,
             duration_s: (0..stages).map(|k| if k + 1 < stages { 1e-3 } else { f64::NAN }).collect(),
@@ -317,6 +327,22 @@ impl Series {
     /// Input from stage k to the next, one a joint.
     pub fn input(&self, k: usize) -> &[f64] {
         &self.input[k * self.joints..(k + 1) * self.joints]
+    }
+
+    /// How many times the usual error is allowed of the measured input of a joint from stage k to the next.
+    pub(crate) fn input_spread(&self, k: usize, joint: usize) -> f64 {
+        self.input_spread.get(k * self.joints + joint).copied().unwrap_or(1.0)
+    }
+
+    /// Allows these measured inputs, (stage, joint), so many times the usual error, and all others one.
+    pub(crate) fn spread_inputs(&mut self, spread: &[(usize, usize, f64)]) {
+        self.input_spread.clear();
+        if !spread.is_empty() {
+            self.input_spread.resize(self.input.len(), 1.0);
+        }
+        for (k, joint, times) in spread {
+            self.input_spread[k * self.joints + joint] = *times;
+        }
     }
 
     /// Time from stage k to the next, s; NaN where the chain breaks.

@@ -4,7 +4,7 @@
 
 use nalgebra::Vector3;
 
-use super::torque_start;
+use super::torque_start::{self, TorqueStart};
 use crate::calibrate::data::series::Series;
 use crate::calibrate::residuals::point::Point;
 use crate::model::Model;
@@ -31,22 +31,20 @@ const SPEED_PRIOR: f64 = 10.0;
 /// the sum of its speed and a driven joint's does not, and then it is the driven joint's.
 const PASSIVE_SPEED_PRIOR: f64 = 0.1;
 
-/// The start of the search, and the noise of measured inputs where torques show it.
+/// The start of the search, and what torques show where it is from them.
 pub(crate) struct Start<'m> {
     pub point: Point<'m>,
-    /// By joint, in the input's unit.
-    pub input_noise: Option<Vec<f64>>,
+    pub by_torques: Option<TorqueStart>,
 }
 
 /// Shared unknowns from torques where the robot is rigid, else from the description.
 pub(crate) fn start<'m>(model: &'m Model, robot: &Robot, series: &Series) -> Start<'m> {
     let mut shared = shared(model, robot, series);
     let by_torques = torque_start::of(model, robot, series);
-    let input_noise = by_torques.map(|start| {
-        shared.z = start.z;
-        start.left
-    });
-    Start { point: with_states(model, series, shared), input_noise }
+    if let Some(start) = &by_torques {
+        shared.z.clone_from(&start.z);
+    }
+    Start { point: with_states(model, series, shared), by_torques }
 }
 
 /// The shared unknowns of the description; biases as the gyros read at rest.

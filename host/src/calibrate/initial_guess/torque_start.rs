@@ -1,20 +1,34 @@
-//! Start values of a rigid robot: least squares of its parameters on the torques along filtered differences.
+//! Start values of a rigid robot: robust least squares of its parameters on the torques along filtered differences.
 //!
 //! Torques are linear in the parameters, so that the search begins at the same place whatever the robot file starts with. What the torques do not show keeps
 //! the file's value, and so does what they show to be impossible, as a negative inertia; the others are then found beside it. Elastic robots, and those
 //! whose torque constant is unknown, start as their file says.
 
+use nalgebra::DMatrix;
+
 use crate::calibrate::data::series::Series;
-use crate::inverse_dynamics::{self, Motion, Readings, SHORTEST_RUN};
-use crate::model::Model;
+use crate::inverse_dynamics::{self, Cornered, Identified, Readings, SHORTEST_RUN};
+use crate::model::{Coordinate, Model};
 use crate::robot::{ChannelKind, Robot, Symbol};
 
 /// What the torques show.
+#[derive(Debug, Clone)]
 pub(crate) struct TorqueStart {
     /// Solver coordinates of the base model.
     pub z: Vec<f64>,
-    /// Root mean square of what is left of the torques, by joint, in the input's unit.
+    /// Of these; zero where the torques do not show one.
+    pub covariance: DMatrix<f64>,
+    /// Corner of the positions' filter, Hz.
+    pub corner_hz: f64,
+    /// Standard deviation of what is left of the torques, by joint, in the input's unit.
     pub left: Vec<f64>,
+}
+
+impl TorqueStart {
+    /// Standard error of a coordinate; none where the torques do not show it.
+    pub fn std_error(&self, i: usize) -> Option<f64> {
+        Some(self.covariance[(i, i)].sqrt()).filter(|error| *error > 0.0)
+    }
 }
 
 /// The start for `model`, whose coordinates are those of the base model of `robot`; none where the method is not for this robot.
@@ -28,30 +42,32 @@ pub(crate) fn of(model: &Model, robot: &Robot, series: &Series) -> Option<Torque
     let readings: Option<Vec<Readings>> =
         series.segments.iter().map(|run| readings(model, series, run.clone())).collect();
     let readings: Vec<Readings> = readings?.into_iter().filter(|run| run.time_s.len() >= SHORTEST_RUN).collect();
-    let motion = Motion::of(&readings, inverse_dynamics::corner(&readings))?;
     let exact = Model::new(&robot.clone().with_exact_input());
     let start = model.coordinates().start();
     let mut held = Vec::new();
     loop {
-        let z = motion.identify(&exact, &start, &held).z;
-        let impossible: Vec<usize> = model
-            .coordinates()
-            .iter()
-            .enumerate()
-            .filter(|(i, c)| !z[*i].is_finite() || !c.spec.symbol.has_either_sign() && z[*i] <= 0.0)
-            .map(|(i, _)| i)
-            .filter(|i| !held.contains(i))
-            .collect();
+        let impossible = |z: &[f64]| -> Vec<usize> {
+            let of = |(i, c): (usize, &Coordinate)| {
+                !z[i].is_finite() || !c.spec.symbol.has_either_sign() && z[i] <= 0.0
+            };
+            let found = model.coordinates().iter().enumerate().filter(|found| of(*found)).map(|(i, _)| i);
+            found.filter(|i| !held.contains(i)).collect()
+        };
+        let Cornered { motion, identified: Identified { z, covariance }, .. } =
+            inverse_dynamics::corner(&readings, &exact, (&start, &held), |z| impossible(z).len())?;
+        let impossible = impossible(&z);
         if impossible.is_empty() {
             let per_input = |joint: usize| {
                 let constant =
                     robot.input.unit.torque_constant().and_then(|symbol| robot.joint_parameter(symbol, joint));
                 robot.input.scale * constant.map_or(1.0, |spec| spec.value.start)
             };
-            let left = motion.missing_rms(&exact, &z).into_iter().enumerate();
+            let left = motion.missing_scale(&exact, &z).into_iter().enumerate();
             let left: Vec<f64> = left.map(|(joint, torque)| torque / per_input(joint).abs()).collect();
-            tracing::debug!(corner = motion.corner(), ?z, ?left, "start from torques");
-            return Some(TorqueStart { z, left });
+            let covariance = covariance.map(|value| if value.is_finite() { value } else { 0.0 });
+            let corner_hz = motion.corner() / series.median_period_s();
+            tracing::debug!(corner_hz, ?z, ?left, "start from torques");
+            return Some(TorqueStart { z, covariance, corner_hz, left });
         }
         held.extend(impossible);
     }

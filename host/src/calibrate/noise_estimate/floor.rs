@@ -32,8 +32,6 @@ pub(crate) fn floor(problem: &Problem<'_>, robot: &Robot, point: &Point<'_>) -> 
         let input = problem.input(point, k, &mut late);
         stepper.step(&point.dynamics, point.state(k), input, duration_s, &mut whole);
         stepper.step(&point.dynamics, point.state(k), input, 0.5 * duration_s, &mut half);
-        // Errors of inputs last for the whole step.
-        half[layout.inputs()].copy_from_slice(&point.state(k)[layout.inputs()]);
         stepper.step(&point.dynamics, &half, input, 0.5 * duration_s, &mut halves);
         for (square, (a, b)) in squares.iter_mut().zip(whole.iter().zip(&halves)) {
             *square += (a - b) * (a - b);
@@ -45,6 +43,7 @@ pub(crate) fn floor(problem: &Problem<'_>, robot: &Robot, point: &Point<'_>) -> 
     let mut floor = Noise {
         channels: series.channels.iter().map(|channel| LEAST_SHARE * channel.sigma).collect(),
         process: squares.into_iter().map(|square| (square / count).sqrt()).collect(),
+        correlation_s: vec![0.0; layout.inputs().len()],
     };
     floor.join_positions(layout, period_s / count, LEAST_SPEED);
     floor.allow_unmodelled(robot, layout);

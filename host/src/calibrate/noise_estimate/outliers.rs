@@ -16,6 +16,7 @@
 use std::cell::OnceCell;
 use std::ops::Range;
 
+use super::pushes;
 use crate::calibrate::data::series::Series;
 use crate::calibrate::residuals::point::Point;
 use crate::calibrate::residuals::problem::Problem;
@@ -40,10 +41,11 @@ const MOST_SHARE: f64 = 0.1;
 /// How often a fit is looked at, the readings as they are first.
 const LOOKS: usize = 5;
 
-/// Readings that are left out, as `(stage, channel)`, channel by channel.
+/// Readings that are left out, as `(stage, channel)`, channel by channel, and measured inputs that err by far, `(stage, joint, times)`.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(crate) struct Outliers {
     readings: Vec<(usize, usize)>,
+    inputs: Vec<(usize, usize, f64)>,
 }
 
 impl Outliers {
@@ -74,7 +76,7 @@ impl Outliers {
         for (channel, rest) in residuals.iter_mut().zip(rest) {
             channel.extend(rest);
         }
-        Outliers::among(series, residuals, FAR, Ends::Judged)
+        Outliers { inputs: pushes::pushes(problem, point), ..Outliers::among(series, residuals, FAR, Ends::Judged) }
     }
 
     fn among(series: &Series, columns: Vec<Vec<f64>>, far: f64, ends: Ends) -> Self {
@@ -91,7 +93,7 @@ impl Outliers {
                 readings.truncate(before);
             }
         }
-        Outliers { readings }
+        Outliers { readings, inputs: Vec::new() }
     }
 
     /// The series without them.
@@ -100,6 +102,7 @@ impl Outliers {
         for (k, channel) in &self.readings {
             series.replace(*k, *channel, f64::NAN);
         }
+        series.spread_inputs(&self.inputs);
         series
     }
 
@@ -155,10 +158,10 @@ impl Screened {
 
     /// Whether these are others than before, and there is room for another series.
     fn leave_out(&self, outliers: Outliers) -> bool {
-        let same = self.last().map_or(outliers.readings.is_empty(), |(before, _)| *before == outliers);
+        let same = self.last().map_or(outliers == Outliers::default(), |(before, _)| *before == outliers);
         let free = self.looks.iter().find(|look| look.get().is_none());
         let Some(look) = free.filter(|_| !same) else { return false };
-        tracing::debug!(readings = outliers.readings.len(), "outliers");
+        tracing::debug!(readings = outliers.readings.len(), inputs = outliers.inputs.len(), "outliers");
         let series = outliers.left_out_of(&self.all);
         look.set((outliers, series)).is_ok()
     }

@@ -15,15 +15,19 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use super::correlation;
 use super::floor;
 use super::windows::Windows;
 use crate::calibrate::residuals::noise::{self, LEAST_SPEED, Noise};
 use crate::calibrate::residuals::point::Point;
 use crate::calibrate::residuals::problem::Problem;
+use crate::model::Layout;
 use crate::robot::{InputNoise, Robot};
 use solve::columns::{self, Entries, ExtraColumns};
 use solve::error::SolveError;
 use solve::factor::Factor;
+use solve::inverse::log_determinant_of_states;
+use solve::levenberg;
 use solve::{LeastSquares, Stage, Step};
 
 /// Samples that are looked at, where the recording is longer.
@@ -190,70 +194,138 @@ pub(crate) fn estimate<'m>(
     point: &Point<'m>,
     threads: usize,
 ) -> Result<Estimate, SolveError> {
-    let mut point = point.clone();
-    let floor = floor::floor(problem, robot, &point);
-    let period_s = problem.series.median_period_s();
-    let channels = problem.series.channels.len();
-    let mut rounds = 0;
-    let mut last: Option<(DVector<f64>, DVector<f64>)> = None;
-    let layout = problem.model.layout();
-    let exact = noise::exact_steps(layout);
-    // States that a law brings have the noise of its physics; estimated, it would be a free disturbance.
-    let given = |component: usize| {
-        layout.own().contains(&component)
-            || exact.contains(&component)
-            || layout.inputs().contains(&component) && robot.input_noise() != InputNoise::Unknown
-    };
-    let bounded = |mut noise: Noise| {
-        for component in &exact {
-            noise.process[*component] = floor.process[*component];
-        }
-        noise.join_positions(layout, period_s, LEAST_SPEED);
-        noise
-    };
-    problem.set_noise(bounded(problem.noise().clone()));
-    loop {
-        rounds += 1;
-        let grouped = Grouped::of(problem, &point, SAMPLES);
-        let mut factor = Factor::new(&grouped.windows)?;
-        factor.factorise_somehow(&grouped.windows, &point, threads)?;
-        // The states follow the new weights; the shared parameters stay.
-        let mut step = Step::default();
-        factor.back_substitute(&vec![0.0; problem.border().size()], threads, &mut step);
-        let mut moved = point.clone();
-        grouped.windows.retract(&point, &step, &mut moved);
-        point = moved;
-        factor.factorise_somehow(&grouped.windows, &point, threads)?;
-        let (dof, squares, information) = grouped.statistics(&point, &factor, PROBES, threads);
+    let floor = floor::floor(problem, robot, point);
+    let mut ascent = Ascent::new(problem, robot, floor, point.clone(), threads);
+    problem.set_noise(ascent.bounded(problem.noise().clone()));
+    let mut rounds = ascent.climb(problem, SAMPLES, MOST_ROUNDS)?;
+    if robot.input_noise() == InputNoise::Unknown && correlation::choose(problem, &mut ascent)? {
+        rounds += ascent.climb(problem, SAMPLES, MOST_ROUNDS)?;
+    }
+    Ok(Estimate { floor: ascent.floor, rounds })
+}
 
-        let lowest: Vec<f64> = floor.channels.iter().chain(&floor.process).copied().collect();
-        let present: Vec<f64> = problem.noise().channels.iter().chain(&problem.noise().process).copied().collect();
-        let slope = DVector::from_fn(dof.len(), |g, _| 0.5 * (squares[g] - dof[g]));
-        let free: Vec<usize> = (0..dof.len())
-            .filter(|&g| {
-                grouped.rows[g] > 0
-                    && !(g >= channels && given(g - channels))
-                    && (present[g] > 1.001 * lowest[g] || slope[g] > 0.0)
-            })
-            .collect();
-        let newton = newton(&free, &slope, &(0.5 * information), &dof);
-        let mut next = present.clone();
-        let mut made = DVector::zeros(slope.len());
-        let mut gain = 0.0;
-        for (&g, newton) in free.iter().zip(newton.iter()) {
-            let newton = newton.clamp(-LARGEST_CHANGE, LARGEST_CHANGE);
-            let change = last.as_ref().map_or(newton, |(made, before)| between(newton, slope[g], made[g], before[g]));
-            next[g] = (present[g] * (0.5 * change).exp()).max(lowest[g]);
-            made[g] = 2.0 * (next[g] / present[g]).ln();
-            gain += 0.5 * slope[g] * made[g];
+/// `point` with the states' step under the noise of `problem`, the shared unknowns where they are.
+pub(crate) fn states<'m>(problem: &Problem<'m>, point: &Point<'m>, threads: usize) -> Result<Point<'m>, SolveError> {
+    let mut factor = Factor::new(problem)?;
+    factor.factorise_somehow(problem, point, threads)?;
+    let mut step = Step::default();
+    factor.back_substitute(&vec![0.0; problem.border().size()], threads, &mut step);
+    let mut moved = point.clone();
+    problem.retract(point, &step, &mut moved);
+    Ok(moved)
+}
+
+/// A search for the noise at fixed shared unknowns, the states following.
+pub(super) struct Ascent<'m> {
+    floor: Noise,
+    point: Point<'m>,
+    layout: Layout,
+    /// Components whose steps have no noise of their own, and those whose noise is not estimated.
+    exact: Vec<usize>,
+    given: Vec<usize>,
+    period_s: f64,
+    threads: usize,
+}
+
+impl<'m> Ascent<'m> {
+    fn new(problem: &Problem<'m>, robot: &Robot, floor: Noise, point: Point<'m>, threads: usize) -> Self {
+        let layout = problem.model.layout().clone();
+        let exact = noise::exact_steps(&layout);
+        // States that a law brings have the noise of its physics; estimated, it would be a free disturbance.
+        let mut given: Vec<usize> = layout.own().chain(exact.iter().copied()).collect();
+        if robot.input_noise() != InputNoise::Unknown {
+            given.extend(layout.inputs());
         }
-        last = Some((made, slope));
-        let noise = bounded(Noise { channels: next[..channels].to_vec(), process: next[channels..].to_vec() });
-        tracing::debug!(rounds, gain, ?noise, "restricted maximum likelihood");
-        problem.set_noise(noise);
-        if gain < LEAST_GAIN || rounds == MOST_ROUNDS {
-            return Ok(Estimate { floor, rounds });
+        Ascent { floor, point, layout, exact, given, period_s: problem.series.median_period_s(), threads }
+    }
+
+    /// This noise, no lower than makes sense.
+    fn bounded(&self, mut noise: Noise) -> Noise {
+        for component in &self.exact {
+            noise.process[*component] = self.floor.process[*component];
         }
+        noise.join_positions(&self.layout, self.period_s, LEAST_SPEED);
+        noise
+    }
+
+    /// Takes up to `most` steps of all standard deviations by so many samples; how many were taken.
+    pub(super) fn climb(&mut self, problem: &mut Problem<'m>, samples: usize, most: usize) -> Result<usize, SolveError> {
+        let channels = problem.series.channels.len();
+        let mut rounds = 0;
+        let mut last: Option<(DVector<f64>, DVector<f64>)> = None;
+        loop {
+            rounds += 1;
+            let grouped = Grouped::of(problem, &self.point, samples);
+            let factor = self.follow(&grouped)?;
+            let (dof, squares, information) = grouped.statistics(&self.point, &factor, PROBES, self.threads);
+
+            let lowest: Vec<f64> = self.floor.channels.iter().chain(&self.floor.process).copied().collect();
+            let present: Vec<f64> =
+                problem.noise().channels.iter().chain(&problem.noise().process).copied().collect();
+            let slope = DVector::from_fn(dof.len(), |g, _| 0.5 * (squares[g] - dof[g]));
+            let free: Vec<usize> = (0..dof.len())
+                .filter(|&g| {
+                    grouped.rows[g] > 0
+                        && !(g >= channels && self.given.contains(&(g - channels)))
+                        && (present[g] > 1.001 * lowest[g] || slope[g] > 0.0)
+                })
+                .collect();
+            let newton = newton(&free, &slope, &(0.5 * information), &dof);
+            let mut next = present.clone();
+            let mut made = DVector::zeros(slope.len());
+            let mut gain = 0.0;
+            for (&g, newton) in free.iter().zip(newton.iter()) {
+                let newton = newton.clamp(-LARGEST_CHANGE, LARGEST_CHANGE);
+                let change = last.as_ref().map_or(newton, |(made, before)| between(newton, slope[g], made[g], before[g]));
+                next[g] = (present[g] * (0.5 * change).exp()).max(lowest[g]);
+                made[g] = 2.0 * (next[g] / present[g]).ln();
+                gain += 0.5 * slope[g] * made[g];
+            }
+            last = Some((made, slope));
+            let correlation_s = problem.noise().correlation_s.clone();
+            let process = next.split_off(channels);
+            let noise = self.bounded(Noise { channels: next, process, correlation_s });
+            tracing::debug!(rounds, gain, ?noise, "restricted maximum likelihood");
+            problem.set_noise(noise);
+            if gain < LEAST_GAIN || rounds == most {
+                return Ok(rounds);
+            }
+        }
+    }
+
+    /// The states' step under the present weights, the shared parameters where they are; the factor there.
+    fn follow(&mut self, grouped: &Grouped<'_, 'm>) -> Result<Factor, SolveError> {
+        let mut factor = Factor::new(&grouped.windows)?;
+        factor.factorise_somehow(&grouped.windows, &self.point, self.threads)?;
+        let mut step = Step::default();
+        factor.back_substitute(&vec![0.0; grouped.windows.shape().border], self.threads, &mut step);
+        let mut moved = self.point.clone();
+        grouped.windows.retract(&self.point, &step, &mut moved);
+        self.point = moved;
+        factor.factorise_somehow(&grouped.windows, &self.point, self.threads)?;
+        Ok(factor)
+    }
+
+    /// ln of the restricted likelihood under the present noise by so many samples, but for a constant: −½ Σ r² − ½ ln |H_xx| + Σ ln of all rows' weights.
+    pub(super) fn log_likelihood(&mut self, problem: &Problem<'m>, samples: usize) -> Result<f64, SolveError> {
+        let grouped = Grouped::of(problem, &self.point, samples);
+        let factor = self.follow(&grouped)?;
+        let noise = problem.noise();
+        let sigmas = noise.channels.iter().chain(&noise.process);
+        let mut log_weights: f64 = grouped.rows.iter().zip(sigmas).map(|(rows, sigma)| -(*rows as f64) * sigma.ln()).sum();
+        for k in 0..grouped.windows.shape().stages {
+            let (k, end) = grouped.windows.stage(k);
+            if problem.linked(k) && k + 1 < end {
+                let duration_s = problem.series.duration_s(k);
+                let shares = (0..self.layout.inputs().len()).map(|input| noise.input_step(input, duration_s).1);
+                log_weights -= shares.map(f64::ln).sum::<f64>();
+            }
+            if problem.series.starts_run(k) {
+                log_weights -= self.layout.inputs().map(|i| noise.process[i].ln()).sum::<f64>();
+            }
+        }
+        let cost = levenberg::total_cost(&grouped.windows, &self.point, self.threads);
+        Ok(log_weights - cost - 0.5 * log_determinant_of_states(&factor))
     }
 }
 

@@ -307,7 +307,9 @@ impl<'m> Problem<'m> {
         };
         layout.passive().for_each(|i| about_zero(i, noise.windup));
         // The first of a run has no step that leads to it.
-        layout.inputs().for_each(|i| about_zero(i, self.noise.process[i]));
+        for (joint, i) in layout.inputs().enumerate() {
+            about_zero(i, self.noise.process[i] * self.series.input_spread(k, joint));
+        }
         let recording = self.series.recording_of(k);
         let rest = &self.series.rest[recording];
         let at_rest = rest.start == k && rest.len() >= SHORTEST_REST;
@@ -347,7 +349,14 @@ impl<'m> Problem<'m> {
         stepper.step_slopes(&point.dynamics, point.state(k), input, duration_s, slopes);
         let columns = point.dynamics.columns();
         let after = point.state(k + 1);
+        let errors = self.model.layout().inputs();
         for (i, &weight) in self.process_weight.iter().enumerate() {
+            if errors.contains(&i) {
+                let [from, to] = self.error_step(k, i - errors.start);
+                let mut row = stage.transition_row(i, to, from * point.state(k)[i] - to * after[i]);
+                row.add_state(i, from);
+                continue;
+            }
             let mut row = stage.transition_row(i, weight, weight * (slopes.next[i] - after[i]));
             let by = &slopes.slopes[i * columns..(i + 1) * columns];
             for (j, slope) in by[..size].iter().enumerate() {
@@ -372,14 +381,29 @@ impl<'m> Problem<'m> {
         let mut sum = self.reading_squares(point, k, scratch);
         if self.linked(k) {
             let next = self.next(point, k, scratch);
-            for ((next, after), weight) in next.iter().zip(point.state(k + 1)).zip(&self.process_weight) {
-                sum += (weight * (next - after)).powi(2);
+            let after = point.state(k + 1);
+            let errors = self.model.layout().inputs();
+            for (i, weight) in self.process_weight.iter().enumerate().filter(|(i, _)| !errors.contains(i)) {
+                sum += (weight * (next[i] - after[i])).powi(2);
+            }
+            for (joint, i) in errors.enumerate() {
+                let [from, to] = self.error_step(k, joint);
+                sum += (from * point.state(k)[i] - to * after[i]).powi(2);
             }
         }
         sum
     }
 
-    /// Where the model carries the state of stage k.
+    /// The row of what the error of a measured input does from stage k to the next: factors of both. Where more error is allowed it is so many times a process
+    /// of the usual size.
+    fn error_step(&self, k: usize, joint: usize) -> [f64; 2] {
+        let component = self.model.layout().inputs().start + joint;
+        let (lasts, share) = self.noise.input_step(joint, self.series.duration_s(k));
+        let weight = self.process_weight[component] / share;
+        [lasts * weight / self.series.input_spread(k, joint), weight / self.series.input_spread(k + 1, joint)]
+    }
+
+    /// Where the model carries the state of stage k; errors of inputs stay.
     pub(crate) fn next<'a>(&self, point: &Point<'m>, k: usize, scratch: &'a mut Scratch) -> &'a [f64] {
         let Scratch { stepper, next, late_input, .. } = scratch;
         let input = self.input(point, k, late_input);

@@ -4,6 +4,8 @@ use super::calibration::{Calibration, ParameterEstimate};
 use crate::calibrate::residuals::preset::Preset;
 use crate::calibrate::residuals::problem::Problem;
 use crate::calibrate::search::Found;
+use crate::calibrate::search::specification::Disagreement;
+use crate::model::Model;
 
 /// χ² per degree of freedom of a row beyond which its residuals are no noise of the size that is assumed: it is missed by twice its deviation. Where noise is
 /// estimated it is 1; on KUKA KR300, whose file tells it, the worst row has 818 without the encoders' lag and 7 to 9 with it. Halved, a deviation told as 0.7 of
@@ -19,9 +21,13 @@ const MOST_TORQUE: f64 = 1000.0;
 const NEGATIVE: f64 = 2.0;
 
 /// Sentences on what does not fit; none where nothing is found.
-pub(crate) fn sentences(problem: &Problem<'_>, found: &Found<'_>, calibration: &Calibration) -> Vec<String> {
-    let mut sentences = Vec::new();
+pub(crate) fn sentences(
+    problem: &Problem<'_>,
+    (found, disagreements): (&Found<'_>, &[Disagreement]),
+    calibration: &Calibration,
+) -> Vec<String> {
     let model = problem.model;
+    let mut sentences: Vec<String> = disagreement(model, disagreements).into_iter().collect();
     let sizes = problem.scale.sizes(model, problem.series, &found.solution.point);
     for (coordinate, size) in model.coordinates().iter().zip(sizes) {
         let Some(parameter) = calibration.parameter(&coordinate.spec.name) else { continue };
@@ -54,6 +60,21 @@ pub(crate) fn sentences(problem: &Problem<'_>, found: &Found<'_>, calibration: &
         ));
     }
     sentences
+}
+
+/// That two estimators say different things of parameters; none where they do not.
+fn disagreement(model: &Model, found: &[Disagreement]) -> Option<String> {
+    let corner_hz = found.first()?.corner_hz;
+    let of = |found: &Disagreement| {
+        let spec = model.coordinates().iter().nth(found.coordinate).map(|c| &c.spec);
+        let (name, unit) = spec.map_or(("a parameter", ""), |spec| (&spec.name, spec.unit));
+        format!("{name} is {:.4} {unit} by these and {:.4} by all readings", found.by_torques, found.by_fit)
+    };
+    Some(format!(
+        "the numbers are those of the torques of motion below {corner_hz:.1} Hz ({}): faster motion is not that of this model, as where a gear or a belt \
+         gives, or time stamps wander",
+        found.iter().map(of).collect::<Vec<_>>().join(", ")
+    ))
 }
 
 fn is_negative(parameter: &ParameterEstimate) -> bool {

@@ -2,6 +2,7 @@
 
 pub(crate) mod marginal;
 mod prefit;
+pub(crate) mod specification;
 
 use self::prefit::Part;
 use crate::calibrate::identifiability::identify;

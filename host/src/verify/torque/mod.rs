@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{CalibratedModel, RecordingVerified, VerifyError};
 use crate::calibrate::Calibration;
-use crate::inverse_dynamics::{self, HIGHEST_CORNER, Motion, Readings, SHORTEST_RUN, norm};
+use crate::inverse_dynamics::{self, HIGHEST_CORNER, Loss, Motion, Readings, SHORTEST_RUN, norm};
 use crate::recording::Recording;
 use crate::robot::ChannelKind;
 
@@ -99,7 +99,7 @@ pub struct TorqueParameter {
 }
 
 /// Compares the torques of `recording` with the model of `calibration` at its own parameters and at those that the recipe finds on
-/// `identified_on`. Positions are filtered at `corner_hz`, or where it is not given at the lowest corner that takes away no more than their noise.
+/// `identified_on`. Positions are filtered at `corner_hz`, or where it is not given at the corner whose motion explains the torques best.
 ///
 /// # Errors
 /// [`VerifyError`]; [`TorqueError`] for robots and models that the recipe is not for.
@@ -117,7 +117,7 @@ pub fn verify(
     // Torques of both are filtered alike.
     let filter_hz = own.corner() / identified_on.period_s;
     let other = motion(&model, recording, Some(filter_hz))?;
-    let found = own.identify(model.model(), model.z(), &[]);
+    let found = own.identify(model.model(), model.z(), &[], Loss::Squares);
     let (robot, coordinates) = (model.robot(), model.model().coordinates());
     let torques = Torques::of(&other, &model);
     let error = |left: &[Vec<f64>], joint: usize| norm(&left[joint]) / norm(&torques.driving[joint]);
@@ -202,11 +202,11 @@ fn motion(model: &CalibratedModel, recording: &Recording, corner_hz: Option<f64>
     });
     let whole = |run: &Readings| run.positions.iter().flatten().all(|value| value.is_finite());
     let readings: Vec<Readings> = readings.filter(whole).collect();
-    let corner = match corner_hz {
-        Some(hz) => (hz * recording.period_s).min(HIGHEST_CORNER),
-        None => inverse_dynamics::corner(&readings),
+    let motion = match corner_hz {
+        Some(hz) => Motion::of(&readings, (hz * recording.period_s).min(HIGHEST_CORNER)),
+        None => inverse_dynamics::corner(&readings, model.model(), (model.z(), &[]), |_| 0).map(|found| found.motion),
     };
-    Motion::of(&readings, corner).ok_or(TorqueError::NoMotion)
+    motion.ok_or(TorqueError::NoMotion)
 }
 
 /// Torques of a motion, filtered and decimated, joint by joint.
