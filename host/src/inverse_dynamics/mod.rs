@@ -189,7 +189,7 @@ impl Motion {
             }
             let groups: Vec<usize> = missing.iter().map(Vec::len).collect();
             if loss == Loss::Bisquare
-                && let Some(roots) = robust::root_weights(&columns, &residual, &groups, LEAST_SHARE.sqrt())
+                && let Some(roots) = robust::root_weights(&columns, &residual, &groups, LEAST_SHARE)
             {
                 residual.component_mul_assign(&roots);
                 columns.column_iter_mut().for_each(|mut column| column.component_mul_assign(&roots));

@@ -64,7 +64,9 @@ pub(crate) fn of(model: &Model, robot: &Robot, series: &Series) -> Option<Torque
             };
             let left = motion.missing_scale(&exact, &z).into_iter().enumerate();
             let left: Vec<f64> = left.map(|(joint, torque)| torque / per_input(joint).abs()).collect();
-            let covariance = covariance.map(|value| if value.is_finite() { value } else { 0.0 });
+            // Beside what is held at an impossible place the others have no errors that could be compared.
+            let told = |value: f64| if value.is_finite() && held.is_empty() { value } else { 0.0 };
+            let covariance = covariance.map(told);
             let corner_hz = motion.corner() / series.median_period_s();
             tracing::debug!(corner_hz, ?z, ?left, "start from torques");
             return Some(TorqueStart { z, covariance, corner_hz, left });

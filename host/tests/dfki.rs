@@ -1,0 +1,68 @@
+//! Pendulums on quasi-direct drives, measured: numbers that agree from recording to recording, and what does not fit (host/doc/dfki.md).
+
+mod measured;
+mod program;
+
+use measured::{machine, within};
+use program::{host, json};
+use serde_json::Value;
+
+/// The calibration of a table by a description that comes with the program.
+fn calibrated(robot: &str, folder: &str, table: &str) -> Option<Value> {
+    let data = machine(folder)?;
+    let at = tempfile::tempdir().unwrap();
+    let table = data.join(format!("{table}.csv"));
+    host(at.path(), &["import", table.to_str().unwrap(), "--robot", robot, "-o", "run.mcap"], 0);
+    host(at.path(), &["calibrate", "run.mcap", "-o", "cal.json", "--unchecked"], 0);
+    Some(json(&at.path().join("cal.json")))
+}
+
+fn estimate(calibration: &Value, name: &str) -> (f64, f64) {
+    let found = measured::parameter(&calibration["parameters"], name);
+    (found["estimate"].as_f64().unwrap(), found["std_error"].as_f64().unwrap())
+}
+
+/// Least squares on energy has J 0.19 kg m² and m g l 3.70 N m. In `energy_shaping` something pushes the pendulum at 16 s.
+#[test]
+fn inertia_and_weight_of_the_pendulum_agree_between_recordings() {
+    let names = ["ddp", "energy_shaping", "pd_sysid"];
+    let found = names.map(|name| calibrated("dfki_pendulum", "dfki_pendulum", name));
+    let [Some(ddp), Some(energy), Some(pd)] = &found else { return };
+    for (name, calibration) in names.iter().zip([ddp, energy, pd]) {
+        let ((b, b_error), (mz, mz_error)) = (estimate(calibration, "b[1]"), estimate(calibration, "mz[1]"));
+        let status = calibration["status"].as_str().unwrap();
+        println!(
+            "{name}: J {b:.4} ± {b_error:.4} kg m², m g l {:.3} ± {:.3} N m, {status}",
+            -9.81 * mz,
+            9.81 * mz_error
+        );
+    }
+    for name in ["b[1]", "mz[1]"] {
+        let all = [ddp, energy, pd].map(|calibration| estimate(calibration, name));
+        for (i, (a, a_error)) in all.iter().enumerate() {
+            for (b, b_error) in &all[..i] {
+                assert!((a - b).abs() < 1.96 * a_error.hypot(*b_error), "{name}: {all:?}");
+            }
+        }
+        let truth = if name == "b[1]" { 0.19 } else { -3.70 / 9.81 };
+        // The two recordings that swing all the way round.
+        assert!(all[..2].iter().all(|(value, _)| (value / truth - 1.0).abs() < 0.06), "{name}: {all:?}");
+    }
+    for calibration in [ddp, energy] {
+        assert_eq!(calibration["status"], "does_not_fit", "{}", calibration["misfit"]);
+    }
+}
+
+/// Published: m2 r2 0.181 kg m, m1 r1 + m2 l1 0.241 kg m, I2 0.054 kg m², rotor 0.0036 kg m².
+#[test]
+fn the_double_pendulum_is_that_of_its_publication() {
+    let Some(found) = calibrated("dfki_double_pendulum", "dfki_double_pendulum", "trajectory_02") else { return };
+    println!("{} {}", found["status"], found["misfit"]);
+    for (name, published, apart) in
+        [("mz[1]", -0.241, 0.06), ("mz[2]", -0.181, 0.05), ("J[2]", 0.054, 0.05), ("b", 0.0036, 0.25)]
+    {
+        let (value, error) = estimate(&found, name);
+        println!("{name}: {value:.4} ± {error:.4}, published {published}");
+        within(&(value / published).into(), 1.0 - apart..=1.0 + apart);
+    }
+}
