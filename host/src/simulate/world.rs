@@ -92,6 +92,8 @@ impl World {
                     rad_s_per_lsb: range.lsb_rad_s(),
                     saturated_at: GYRO_SATURATED_AT,
                     offset_us: (gyro.offset_s * 1e6).round() as u16,
+                    filter_delay_us: None,
+                    output_rate_hz: None,
                 })
                 .collect(),
             // sigma² = noise² + step²/12
