@@ -372,7 +372,14 @@ mod tests {
         let empty = JointSetup { limits: Limits { min: 1.0, max: 1.0 }, ..joint };
         assert_eq!(refused(&[empty], &[motor]), Some(ConfigError::Limits { joint: 0 }));
         let gyro = GyroSetup {
-            info: GyroInfo { body: 0, rad_s_per_lsb: 5e-4, saturated_at: 32_700, offset_us: 0 },
+            info: GyroInfo {
+                body: 0,
+                rad_s_per_lsb: 5e-4,
+                saturated_at: 32_700,
+                offset_us: 0,
+                filter_delay_us: None,
+                output_rate_hz: None,
+            },
             mount: [[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
             give_rad: 0.1,
             sag_rad: 0.0,

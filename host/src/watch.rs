@@ -209,9 +209,16 @@ mod tests {
             encoders: [EncoderInfo { joint: 0, side: Side::Motor, counts_per_turn: -100, gear: 10.0, offset_us: 0 }]
                 .into_iter()
                 .collect(),
-            gyros: [GyroInfo { body: 0, rad_s_per_lsb: 0.001, saturated_at: 32_700, offset_us: 0 }]
-                .into_iter()
-                .collect(),
+            gyros: [GyroInfo {
+                body: 0,
+                rad_s_per_lsb: 0.001,
+                saturated_at: 32_700,
+                offset_us: 0,
+                filter_delay_us: None,
+                output_rate_hz: None,
+            }]
+            .into_iter()
+            .collect(),
             zero: None,
             reset: ResetReason::PowerOn,
             panic: None,

@@ -119,6 +119,10 @@ pub struct GyroInfo {
     pub saturated_at: u16,
     /// When it is read, µs after the tick's time.
     pub offset_us: u16,
+    /// By how much its filter delays what changes slowly, µs, as far as the device knows; none if it does not.
+    pub filter_delay_us: Option<u16>,
+    /// Nominal conversions per second by the gyro's own clock; none if it converts when it is read.
+    pub output_rate_hz: Option<u16>,
 }
 
 /// Why the device started last.

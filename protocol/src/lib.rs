@@ -77,7 +77,7 @@ pub use hello::{EncoderInfo, GyroInfo, Hello, Identity, ResetReason, Side};
 pub use message::{Report, ToDevice, ToHost};
 pub use motion::{Action, Motion, MotionError, Segment};
 pub use request::{Command, Refusal, State, Status};
-pub use sample::{Flags, Layout, Sample};
+pub use sample::{Flags, GyroAge, Layout, Sample};
 pub use units::{Duty, JointSet, MotionId, Text};
 
 /// The version of this protocol: raised when the meaning of bytes changes in a way that the schema key cannot see.

@@ -1,11 +1,11 @@
 //! The sample: what one tick read, and the duty in force, in a fixed number of bytes.
 //!
-//! Doggy's frame (3 joints, 3 encoders, 2 gyros), little-endian; 45 bytes, 51 on the line:
+//! Doggy's frame (3 joints, 3 encoders, 2 gyros), little-endian; 49 bytes, 55 on the line:
 //!
 //! ```text
-//!  0    1        5        9            21               33           39     40    41    43   44    45
-//!  │0x53│ seq u32│ t_us   │ counts i32 │ words i16      │ duty i16   │motion│phase│flags│exec│jitter│
-//!  │tag │        │ u32    │ 3×         │ 2 gyros × 3    │ 3×         │ u8   │ u8  │ u16 │ u8 │ i8   │
+//!  0    1        5        9            21            33         37         43     44    45    47   48    49
+//!  │0x53│ seq u32│ t_us   │ counts i32 │ words i16   │ ages i16 │ duty i16 │motion│phase│flags│exec│jitter│
+//!  │tag │        │ u32    │ 3×         │ 2 gyros × 3 │ 2 gyros  │ 3×       │ u8   │ u8  │ u16 │ u8 │ i8   │
 //! ```
 //!
 //! Time of a tick:
@@ -104,7 +104,7 @@ impl Layout {
         self.encoders as usize
     }
 
-    /// Gyros, three words each.
+    /// Gyros, three words and an age each.
     pub const fn gyros(&self) -> usize {
         self.gyros as usize
     }
@@ -113,7 +113,7 @@ impl Layout {
     pub const fn payload_len(&self) -> usize {
         const TAG_SEQ_TIME: usize = 1 + 4 + 4;
         const MOTION_PHASE_FLAGS_EXECUTION_JITTER: usize = 1 + 1 + 2 + 1 + 1;
-        TAG_SEQ_TIME + 4 * self.encoders() + 6 * self.gyros() + 2 * self.joints() + MOTION_PHASE_FLAGS_EXECUTION_JITTER
+        TAG_SEQ_TIME + 4 * self.encoders() + 8 * self.gyros() + 2 * self.joints() + MOTION_PHASE_FLAGS_EXECUTION_JITTER
     }
 }
 
@@ -164,7 +164,46 @@ impl Flags {
     }
 }
 
-/// What one tick read. Places beyond the [`Layout`] are zero.
+/// How long before the tick's time a gyro converted the words that a tick read.
+///
+/// A gyro converts by its own clock. The end of a conversion is where its "data ready" begins; what the part's filter delays
+/// comes on top and stands in the handshake ([`crate::GyroInfo::filter_delay_us`]).
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub struct GyroAge(i16);
+
+impl GyroAge {
+    /// Nobody measured it.
+    pub const UNKNOWN: Self = Self(i16::MIN);
+    /// Longest age that can be told, µs.
+    pub const MAX_US: i32 = i16::MAX as i32;
+
+    /// An age of so many µs, negative where the conversion ended after the tick's time; unknown beyond what can be told.
+    pub const fn from_us(us: i32) -> Self {
+        if us < -Self::MAX_US || us > Self::MAX_US { Self::UNKNOWN } else { Self(us as i16) }
+    }
+
+    /// µs, if it is known.
+    pub const fn us(self) -> Option<i32> {
+        if self.0 == i16::MIN { None } else { Some(self.0 as i32) }
+    }
+}
+
+impl Default for GyroAge {
+    fn default() -> Self {
+        Self::UNKNOWN
+    }
+}
+
+impl core::fmt::Debug for GyroAge {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self.us() {
+            Some(us) => write!(f, "{us} µs"),
+            None => f.write_str("unknown"),
+        }
+    }
+}
+
+/// What one tick read. Places beyond the [`Layout`] are zero, ages unknown.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Sample {
     /// Number of the tick, owned by the control loop: one more every tick, sent or not; from 0 at reset; wraps.
@@ -175,6 +214,8 @@ pub struct Sample {
     pub encoders: [i32; MAX_ENCODERS],
     /// Raw gyro words x, y, z.
     pub gyros: [[i16; 3]; MAX_GYROS],
+    /// Age of each gyro's words.
+    pub gyro_ages: [GyroAge; MAX_GYROS],
     /// Duty in force from this tick to the next.
     pub duty: [Duty; MAX_JOINTS],
     /// The motion being played.
@@ -223,6 +264,9 @@ impl Sample {
         for word in self.gyros.iter().take(layout.gyros()).flatten() {
             w.put(word.to_le_bytes())?;
         }
+        for age in self.gyro_ages.iter().take(layout.gyros()) {
+            w.put(age.0.to_le_bytes())?;
+        }
         for duty in self.duty.iter().take(layout.joints()) {
             w.put(duty.0.to_le_bytes())?;
         }
@@ -258,6 +302,9 @@ impl Sample {
         }
         for word in sample.gyros.iter_mut().take(layout.gyros()).flatten() {
             *word = i16::from_le_bytes(r.take()?);
+        }
+        for age in sample.gyro_ages.iter_mut().take(layout.gyros()) {
+            *age = GyroAge(i16::from_le_bytes(r.take()?));
         }
         for duty in sample.duty.iter_mut().take(layout.joints()) {
             duty.0 = i16::from_le_bytes(r.take()?);
@@ -312,7 +359,7 @@ impl Reader<'_> {
 /// What the schema key says about the sample, whose bytes are written by hand: change it with them.
 impl Schema for Sample {
     const SCHEMA: &'static NamedType = &NamedType {
-        name: "Sample: tag seq t_us counts words duty motion phase flags:0x3fff execution/4us jitter_us, fixed, LE, 1",
+        name: "Sample: tag seq t_us counts words ages duty motion phase flags:0x3fff execution/4us jitter_us, fixed, LE, 1",
         ty: &DataModelType::ByteArray,
     };
 }
@@ -338,26 +385,27 @@ mod tests {
             *counts = 0x0c0b_0a09 + 0x0404_0404 * i as i32;
         }
         sample.gyros = [[0x1615, 0x1817, 0x1a19], [0x1c1b, 0x1e1d, 0x201f]];
-        sample.duty[..3].copy_from_slice(&[Duty(0x2221), Duty(0x2423), Duty(0x2625)]);
-        let mut out = [0; 45];
-        assert_eq!(sample.write(&Layout::DOGGY, &mut out), Some(45));
-        let mut expected: Vec<u8> = (0..39).collect();
+        sample.gyro_ages = [GyroAge::from_us(0x2221), GyroAge::from_us(0x2423)];
+        sample.duty[..3].copy_from_slice(&[Duty(0x2625), Duty(0x2827), Duty(0x2a29)]);
+        let mut out = [0; 49];
+        assert_eq!(sample.write(&Layout::DOGGY, &mut out), Some(49));
+        let mut expected: Vec<u8> = (0..43).collect();
         expected[0] = TAG;
         expected.extend([0x29, 0x2a, 0x02, 0x10, 0x2d, 0xff]);
         assert_eq!(out[..], expected);
-        assert_eq!(sample.write(&Layout::DOGGY, &mut [0; 44]), None);
+        assert_eq!(sample.write(&Layout::DOGGY, &mut [0; 48]), None);
     }
 
     /// Any sample of a layout.
     pub(crate) fn any_sample(layout: Layout) -> impl Strategy<Value = Sample> {
         (
             (any::<u32>(), any::<u32>(), any::<[i32; MAX_ENCODERS]>()),
-            (any::<[[i16; 3]; MAX_GYROS]>(), any::<[i16; MAX_JOINTS]>()),
+            (any::<[([i16; 3], i16); MAX_GYROS]>(), any::<[i16; MAX_JOINTS]>()),
             (any::<u8>(), any::<u8>(), any::<u16>(), any::<u8>(), any::<i8>()),
         )
             .prop_map(move |((seq, t_us, mut encoders), (mut gyros, duty), rest)| {
                 encoders[layout.encoders()..].fill(0);
-                gyros[layout.gyros()..].fill([0; 3]);
+                gyros[layout.gyros()..].fill(([0; 3], i16::MIN));
                 let mut duty = duty.map(Duty);
                 duty[layout.joints()..].fill(Duty::ZERO);
                 let (motion, phase, flags, execution, jitter_us) = rest;
@@ -365,7 +413,8 @@ mod tests {
                     seq,
                     t_us,
                     encoders,
-                    gyros,
+                    gyros: gyros.map(|(words, _)| words),
+                    gyro_ages: gyros.map(|(_, age)| GyroAge(age)),
                     duty,
                     motion: MotionId(motion),
                     phase,
@@ -399,11 +448,11 @@ mod tests {
 
     #[test]
     fn another_length_tag_or_flag_is_refused() {
-        let mut bytes = [0; 45];
+        let mut bytes = [0; 49];
         let layout = Layout::DOGGY;
         Sample::default().write(&layout, &mut bytes).unwrap();
-        assert_eq!(Sample::read(&layout, &bytes[..44]), Err(SampleError::Length { expected: 45, got: 44 }));
-        bytes[42] = 0x80;
+        assert_eq!(Sample::read(&layout, &bytes[..48]), Err(SampleError::Length { expected: 49, got: 48 }));
+        bytes[46] = 0x80;
         assert_eq!(Sample::read(&layout, &bytes), Err(SampleError::Flags(0x8000)));
         bytes[0] = 1;
         assert_eq!(Sample::read(&layout, &bytes), Err(SampleError::Tag(1)));
@@ -423,6 +472,14 @@ mod tests {
         assert_eq!(Flags::gyro_stale(1), Flags::GYRO2_STALE);
         assert_eq!(Flags::gyro_saturated(0), Flags::GYRO1_SATURATED);
         assert_eq!(Flags::gyro_saturated(1), Flags::GYRO2_SATURATED);
+    }
+
+    #[test]
+    fn an_age_that_cannot_be_told_is_unknown() {
+        let told = [-32_767, -120, 0, 480, 32_767].map(|us| GyroAge::from_us(us).us());
+        assert_eq!(told, [-32_767, -120, 0, 480, 32_767].map(Some));
+        assert_eq!([-32_768, 32_768, i32::MAX].map(|us| GyroAge::from_us(us).us()), [None; 3]);
+        assert_eq!(GyroAge::default(), GyroAge::UNKNOWN);
     }
 
     #[test]

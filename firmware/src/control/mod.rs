@@ -7,8 +7,8 @@ mod stream;
 use protocol::request::{HEARTBEAT_TIMEOUT_US, Memory, State};
 use protocol::sample::{Flags, NO_PHASE};
 use protocol::{
-    Duty, Event, EventKind, Fault, MAX_ENCODERS, MAX_GYROS, MAX_JOINTS, MotionEnd, MotionId, ResetReason, Sample,
-    ToDevice,
+    Duty, Event, EventKind, Fault, GyroAge, MAX_ENCODERS, MAX_GYROS, MAX_JOINTS, MotionEnd, MotionId, ResetReason,
+    Sample, ToDevice,
 };
 
 use crate::config::{Config, Joint};
@@ -28,6 +28,8 @@ pub struct Inputs {
     pub encoders: [Option<i32>; MAX_ENCODERS],
     /// Gyros in the sample's order.
     pub gyros: [GyroInput; MAX_GYROS],
+    /// How old each gyro's words are.
+    pub gyro_ages: [GyroAge; MAX_GYROS],
     /// The emergency stop is pressed (or its wire is broken).
     pub emergency_stop: bool,
     /// The supply is too low.
@@ -148,6 +150,7 @@ impl ControlLoop {
     ///   or not.
     /// * **Sample** `k` carries the readings of tick k and the duty in force from t_k to t_{k+1}: what tick k−1
     ///   computed, or zero, flagged [`Flags::STOPPED`], if this tick stopped it.
+    /// * **Age of gyros**: counted from t_k, as the caller measured it; unknown in a tick without new words.
     /// * **Same inputs, same outputs**: integer arithmetic in every tick, bit for bit the same on every machine.
     pub fn tick(&mut self, now_us: u32, inputs: &Inputs, ends: &mut TickEnds<'_>) -> Outputs {
         let now = Now { seq: self.seq, t_us: now_us };
@@ -184,6 +187,7 @@ impl ControlLoop {
             t_us: now_us,
             encoders: self.sensors.counts,
             gyros: self.sensors.words,
+            gyro_ages: self.sensors.ages,
             duty: if stopped { [Duty::ZERO; MAX_JOINTS] } else { in_force },
             motion: if phase.is_some() { self.motion_id } else { MotionId::NONE },
             phase: phase.unwrap_or(NO_PHASE),

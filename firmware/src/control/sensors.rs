@@ -2,7 +2,7 @@
 //! them.
 
 use protocol::sample::Flags;
-use protocol::{Duty, Fault, MAX_ENCODERS, MAX_GYROS, MAX_JOINTS};
+use protocol::{Duty, Fault, GyroAge, MAX_ENCODERS, MAX_GYROS, MAX_JOINTS};
 
 use super::Inputs;
 use crate::config::{Config, Joint};
@@ -44,6 +44,8 @@ pub(super) struct Sensors {
     pub counts: [i32; MAX_ENCODERS],
     /// Last words of every gyro.
     pub words: [[i16; 3]; MAX_GYROS],
+    /// Ages of the words of this tick.
+    pub ages: [GyroAge; MAX_GYROS],
     /// Counts of every encoder at the zero positions.
     pub zero: Option<[i32; MAX_ENCODERS]>,
     /// Joint positions, counts from zero, positive with the joint.
@@ -77,6 +79,7 @@ impl Sensors {
             fastest: [0; MAX_JOINTS],
             counts: [0; MAX_ENCODERS],
             words: [[0; 3]; MAX_GYROS],
+            ages: [GyroAge::UNKNOWN; MAX_GYROS],
             zero: None,
             positions: [0; MAX_JOINTS],
             speeds: [0; MAX_JOINTS],
@@ -97,8 +100,9 @@ impl Sensors {
         for (index, watch) in self.gyros.iter_mut().enumerate() {
             let verdict = watch.check(inputs.gyros[index]);
             self.gyro_verdicts[index] = verdict;
+            self.ages[index] = GyroAge::UNKNOWN;
             if let GyroInput::Words(words) = inputs.gyros[index] {
-                self.words[index] = words;
+                (self.words[index], self.ages[index]) = (words, inputs.gyro_ages[index]);
             }
             flags.set(Flags::gyro_stale(index), silent(verdict));
             flags.set(Flags::gyro_saturated(index), matches!(verdict, Verdict::Saturated | Verdict::OutOfRange));

@@ -8,7 +8,7 @@
 //!
 //! Set to 1.6 kHz with a bandwidth of 1.6 kHz / 4 = 400 Hz in high-performance mode (rates from 800 Hz need
 //! it): each tick of 1 ms finds a new word, at most 0.625 ms old, and what lies above half the tick rate is
-//! filtered out. With the addresses the burst is 19 bytes: 19 × 9 bits / 400 kHz = 0.43 ms of the bus.
+//! filtered out. Pin 1 shows the end of each conversion, by which a board tells the words' age. With the addresses the burst is 19 bytes: 19 × 9 bits / 400 kHz = 0.43 ms of the bus.
 //! Registers and values: data sheet BST-BMI323-DS000, chapter 6.
 
 use embedded_hal::delay::DelayNs;
@@ -28,6 +28,10 @@ pub enum Register {
     Status = 0x02,
     /// Gyroscope mode, bandwidth, range, rate.
     GyrConf = 0x21,
+    /// Interrupt pins: level, drive, on or off.
+    IoIntCtrl = 0x38,
+    /// Which pin reports what: the upper half of the sources.
+    IntMap2 = 0x3B,
     /// Commands.
     Cmd = 0x7E,
 }
@@ -46,9 +50,18 @@ const ERRORS: u16 = 1 << 0 | 1 << 6;
 const HIGH_PERFORMANCE: u16 = 7 << 12;
 /// GYR_CONF bit 7: bandwidth = rate / 4.
 const BANDWIDTH_ODR_BY_4: u16 = 1 << 7;
+/// IO_INT_CTRL: pin 1 on, push-pull, active high.
+const INT1_PUSH_PULL_HIGH: u16 = 0x0005;
+/// INT_MAP2 bits 9:8: gyroscope data ready on pin 1.
+const GYRO_READY_ON_INT1: u16 = 1 << 8;
 /// GYR_CONF bits 3:0: 1.6 kHz.
 const ODR_1_6_KHZ: u16 = 0xC;
 
+/// Output data rate, Hz.
+pub const OUTPUT_RATE_HZ: u32 = 1600;
+/// From the start of the burst to the moment at which the part hands its words out, µs: address, register, address and the
+/// dummies, 45 bits at 400 kHz, and what starts them.
+pub const READ_US: i32 = 120;
 /// Bytes of a burst: the dummies, and status, accelerometer and gyroscope.
 pub const BURST: usize = DUMMY + 14;
 /// Bytes that every I²C read begins with and that mean nothing.
@@ -73,8 +86,6 @@ impl<I2C: I2c> Bmi323<I2C> {
     pub const ADDRESS_SDO_HIGH: SevenBitAddress = 0x69;
     /// Byte to write for the burst of a tick; [`BURST`] bytes are then read.
     pub const READ_REQUEST: [u8; 1] = [Register::Status as u8];
-    /// Output data rate, Hz.
-    pub const OUTPUT_RATE_HZ: u32 = 1600;
 
     /// Checks the identification, resets, configures, starts the gyroscope and reads the settings back.
     /// Takes about 85 ms; not for the loop.
@@ -93,6 +104,10 @@ impl<I2C: I2c> Bmi323<I2C> {
         delay.delay_ms(RESET_MS);
         part.must_hold(Register::Status, POWER_ON_RESET, POWER_ON_RESET)?;
 
+        for (register, value) in [(Register::IoIntCtrl, INT1_PUSH_PULL_HIGH), (Register::IntMap2, GYRO_READY_ON_INT1)] {
+            part.write(register, value)?;
+            delay.delay_us(WRITE_US);
+        }
         let config = HIGH_PERFORMANCE | BANDWIDTH_ODR_BY_4 | range_bits(range) | ODR_1_6_KHZ;
         part.write(Register::GyrConf, config)?;
         delay.delay_us(WRITE_US);

@@ -102,6 +102,7 @@ fn sets_mode_range_rate_and_bandwidth_and_waits_for_the_gyroscope() {
         let mut delay = Waited::default();
         let part = Bmi323::new(Part::new(), ADDRESS, range, &mut delay).unwrap().release();
         assert_eq!(part.register(Register::GyrConf), config);
+        assert_eq!([Register::IoIntCtrl, Register::IntMap2].map(|pin| part.register(pin)), [0x0005, 0x0100]);
         assert!(delay.ns >= 60_000_000, "45 ms start-up, with margin; waited {} ns", delay.ns);
     }
 }

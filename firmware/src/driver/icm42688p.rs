@@ -6,7 +6,8 @@
 //! ```
 //!
 //! Set to 2 kHz with the interface filter at 2 kHz / 5 = 400 Hz: each tick of 1 ms finds a new word, at most
-//! 0.5 ms old, and what lies above half the tick rate is filtered out. Registers and values: data sheet
+//! 0.5 ms old, and what lies above half the tick rate is filtered out. Pin 1 shows the end of each conversion, by which a
+//! board tells the words' age: TMST_FSYNC counts from an edge on the FSYNC pin, which is not wired. Registers and values: data sheet
 //! DS-000347, chapters 12 to 14, user bank 0.
 
 use embedded_hal::delay::DelayNs;
@@ -46,6 +47,10 @@ pub enum Register {
     BankSel = 0x76,
 }
 
+/// Output data rate, Hz.
+pub const OUTPUT_RATE_HZ: u32 = 2000;
+/// From the start of the burst to the moment at which the part hands its words out, µs: the address byte and what starts it.
+pub const READ_US: i32 = 6;
 /// Bytes of a burst.
 pub const BURST: usize = 10;
 /// Set in the address byte of a read.
@@ -90,8 +95,6 @@ pub struct Icm42688p<SPI> {
 impl<SPI: SpiDevice> Icm42688p<SPI> {
     /// Bytes to send for the burst of a tick; the answer has the same length.
     pub const READ_REQUEST: [u8; BURST] = [Register::GyroDataX1 as u8 | READ, 0, 0, 0, 0, 0, 0, 0, 0, 0];
-    /// Output data rate, Hz.
-    pub const OUTPUT_RATE_HZ: u32 = 2000;
 
     /// Checks the identification, resets, configures, starts the gyroscope and reads the settings back.
     /// Takes about 65 ms; not for the loop.

@@ -19,8 +19,10 @@ mod fake;
 mod icm42688p;
 mod quadrature;
 
-pub use bmi323::{BURST as BMI323_BURST, Bmi323};
-pub use icm42688p::{BURST as ICM42688P_BURST, Icm42688p};
+pub use bmi323::{BURST as BMI323_BURST, Bmi323, OUTPUT_RATE_HZ as BMI323_RATE_HZ, READ_US as BMI323_READ_US};
+pub use icm42688p::{
+    BURST as ICM42688P_BURST, Icm42688p, OUTPUT_RATE_HZ as ICM42688P_RATE_HZ, READ_US as ICM42688P_READ_US,
+};
 pub use quadrature::QuadratureCounter;
 
 /// Register enumerations, named in the drivers' errors.
@@ -31,6 +33,10 @@ pub mod register {
 
 /// What both parts put into a data register before their first conversion.
 pub const INVALID_WORD: i16 = i16::MIN;
+
+/// By how much both parts' filters delay what changes slowly, µs: a second-order low-pass of 400 Hz, √2 / (2π · 400 Hz). Filters
+/// before it, of which the data sheets tell no delay, come on top; a host estimates what is left.
+pub const FILTER_DELAY_US: u16 = 563;
 
 /// Full scale of a gyroscope. One step of the raw word is full scale / 32768 in both parts.
 ///

@@ -39,6 +39,8 @@ pub const TO_WORLD: &str = "to_world";
 pub const FROM_WORLD: &str = "from_world";
 /// Motors with an encoder each.
 pub const MOTORS: usize = 3;
+/// Gyros: one on SPI, one on I²C.
+pub const GYROS: usize = 2;
 /// Longest message, its length included.
 pub const MAX_MESSAGE: usize = 192;
 /// Most bytes of one bus transfer.

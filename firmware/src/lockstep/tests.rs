@@ -48,13 +48,14 @@ fn sensors() -> impl Strategy<Value = Sensors> {
         Just(Ordeal::Halt),
         Just(Ordeal::StackOverflows),
     ];
-    let bursts = any::<(Option<[u8; 10]>, Option<[u8; 16]>)>();
+    let bursts = any::<(Option<[u8; 10]>, Option<[u8; 16]>, [Option<u16>; GYROS])>();
     let host = prop::collection::vec(any::<u8>(), 0..=MAX_HOST_BYTES);
     (any::<[u16; MOTORS]>(), bursts, any::<u8>(), ordeal, host).prop_map(
-        |(counters, (spi, i2c), pins, ordeal, host)| Sensors {
+        |(counters, (spi, i2c, ready_us), pins, ordeal, host)| Sensors {
             counters,
             spi,
             i2c,
+            ready_us,
             pins,
             ordeal,
             host: heapless::Vec::from_slice(&host).unwrap(),
@@ -131,6 +132,7 @@ fn the_bytes_are_those_of_the_tables() {
     let sensors = Sensors {
         counters: [1, 2, 3],
         spi: Some([4; 10]),
+        ready_us: [Some(0x0605), None],
         pins: PINS_BROWN_OUT,
         ordeal: Ordeal::Delay(258),
         host: heapless::Vec::from_slice(&[9, 8]).unwrap(),
@@ -138,5 +140,5 @@ fn the_bytes_are_those_of_the_tables() {
     };
     let bytes = body(|out| sensors.write(out));
     assert_eq!(bytes[..8], [1, 0, 2, 0, 3, 0, 1, 4]);
-    assert_eq!(bytes[17..], [[0; 17].as_slice(), &[2, 1, 2, 1, 2, 9, 8]].concat());
+    assert_eq!(bytes[17..], [[0; 17].as_slice(), &[1, 5, 6, 0, 0, 0], &[2, 1, 2, 1, 2, 9, 8]].concat());
 }

@@ -3,7 +3,7 @@
 use protocol::Duty;
 
 use super::bytes::{Reader, Writer};
-use super::{Answer, MAX_HOST_BYTES, MAX_MESSAGE, MOTORS, Malformed, Transfer};
+use super::{Answer, GYROS, MAX_HOST_BYTES, MAX_MESSAGE, MOTORS, Malformed, Transfer};
 
 /// Bit of [`Sensors::pins`]: the emergency stop is pressed.
 pub const PINS_EMERGENCY_STOP: u8 = 1 << 0;
@@ -45,9 +45,9 @@ pub struct Tick {
 /// What the world answers: everything that the pins show in this period. Places count from behind the length.
 ///
 /// ```text
-///    0         6       7         17      18        34    35      36       38     39
-///   │counters │SPI ok │answer   │I²C ok │answer   │pins │ordeal│by      │count │bytes from the host …
-///   │3×u16    │bool   │10 bytes │bool   │16 bytes │     │      │u16     │      │
+///    0         6       7         17      18        34         40    41      42       44     45
+///   │counters │SPI ok │answer   │I²C ok │answer   │ready     │pins │ordeal│by      │count │bytes from the host …
+///   │3×u16    │bool   │10 bytes │bool   │16 bytes │2×bool,u16│     │      │u16     │      │
 /// ```
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Sensors {
@@ -57,6 +57,9 @@ pub struct Sensors {
     pub spi: Option<[u8; SPI_BURST]>,
     /// Answer of the gyro on I²C; none if nobody acknowledged or the transfer did not begin or end.
     pub i2c: Option<[u8; I2C_BURST]>,
+    /// How long before t_k each gyro's "data ready" rose last, µs, as a capture channel would have kept it; none if it did not rise
+    /// since the period before.
+    pub ready_us: [Option<u16>; GYROS],
     /// [`PINS_EMERGENCY_STOP`], [`PINS_BROWN_OUT`].
     pub pins: u8,
     /// What befalls the processor.
@@ -121,13 +124,16 @@ impl Sensors {
     /// # Errors
     /// [`Malformed`] if `out` is too small.
     pub fn write(&self, out: &mut [u8]) -> Result<usize, Malformed> {
-        const { assert!(1 + 39 + MAX_HOST_BYTES <= MAX_MESSAGE) };
+        const { assert!(1 + 45 + MAX_HOST_BYTES <= MAX_MESSAGE) };
         let mut w = Writer::after_length(out);
         for counter in self.counters {
             w.put(counter.to_le_bytes())?;
         }
         w.optional(self.spi)?;
         w.optional(self.i2c)?;
+        for ready in self.ready_us {
+            w.optional(ready.map(u16::to_le_bytes))?;
+        }
         let (ordeal, by) = match self.ordeal {
             Ordeal::None => (0, 0),
             Ordeal::Delay(us) => (1, us),
@@ -156,6 +162,9 @@ impl Sensors {
         }
         sensors.spi = r.optional()?;
         sensors.i2c = r.optional()?;
+        for ready in &mut sensors.ready_us {
+            *ready = r.optional()?.map(u16::from_le_bytes);
+        }
         let [pins, ordeal] = r.take()?;
         let by = u16::from_le_bytes(r.take()?);
         sensors.pins = pins;

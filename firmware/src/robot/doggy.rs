@@ -7,7 +7,7 @@ use protocol::{EncoderInfo, GyroInfo, Side};
 
 use crate::config::{Config, GyroSetup, JointSetup};
 use crate::constants::GYRO_SATURATED_AT;
-use crate::driver::GyroRange;
+use crate::driver::{BMI323_RATE_HZ, FILTER_DELAY_US, GyroRange, ICM42688P_RATE_HZ};
 use crate::safety::Axis;
 
 /// Range of both gyros.
@@ -48,14 +48,20 @@ pub fn doggy() -> Config {
         gear: 42.092,
         offset_us: 0,
     });
-    let gyro = |body, mount, give_rad| {
-        let rad_s_per_lsb = GYRO_RANGE.lsb_rad_s();
-        let info = GyroInfo { body, rad_s_per_lsb, saturated_at: GYRO_SATURATED_AT, offset_us: 0 };
+    let gyro = |body, output_rate_hz, mount, give_rad| {
+        let info = GyroInfo {
+            body,
+            rad_s_per_lsb: GYRO_RANGE.lsb_rad_s(),
+            saturated_at: GYRO_SATURATED_AT,
+            offset_us: 0,
+            filter_delay_us: Some(FILTER_DELAY_US),
+            output_rate_hz: Some(output_rate_hz),
+        };
         GyroSetup { info, mount, give_rad, sag_rad: 0.0 }
     };
     let gyros: [_; GYROS] = [
-        gyro(0, [[-1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, -1.0, 0.0]], 0.184_447_12),
-        gyro(2, [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], 0.256_533_86),
+        gyro(0, ICM42688P_RATE_HZ as u16, [[-1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, -1.0, 0.0]], 0.184_447_12),
+        gyro(2, BMI323_RATE_HZ as u16, [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], 0.256_533_86),
     ];
     match Config::new("doggy", &joints, &encoders, &gyros) {
         Ok(config) => config,

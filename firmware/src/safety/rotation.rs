@@ -344,7 +344,14 @@ mod tests {
 
     /// Mounted with another axis up: z, −x, −y.
     fn gyro(body: u8) -> GyroSetup {
-        let info = GyroInfo { body, rad_s_per_lsb: RAD_S_PER_LSB, saturated_at: 32_700, offset_us: 0 };
+        let info = GyroInfo {
+            body,
+            rad_s_per_lsb: RAD_S_PER_LSB,
+            saturated_at: 32_700,
+            offset_us: 0,
+            filter_delay_us: None,
+            output_rate_hz: None,
+        };
         GyroSetup { info, mount: [[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]], give_rad: 0.0, sag_rad: 0.0 }
     }
 

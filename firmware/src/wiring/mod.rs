@@ -14,6 +14,7 @@
 pub mod absence;
 pub mod budget;
 pub mod check_in;
+pub mod data_ready;
 pub mod i2c;
 pub mod log_ring;
 pub mod panic_store;

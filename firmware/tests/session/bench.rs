@@ -84,7 +84,14 @@ impl Bench {
             |joint| EncoderInfo { joint, side: Side::Motor, counts_per_turn: 1024, gear: 42.092, offset_us: 0 };
         let encoders: Vec<_> = (0..n as u8).map(encoder).collect();
         let gyro = |body| {
-            let info = GyroInfo { body, rad_s_per_lsb: RAD_S_PER_LSB, saturated_at: 32_767, offset_us: 20 };
+            let info = GyroInfo {
+                body,
+                rad_s_per_lsb: RAD_S_PER_LSB,
+                saturated_at: 32_767,
+                offset_us: 20,
+                filter_delay_us: None,
+                output_rate_hz: None,
+            };
             // The axes are at right angles.
             let give_rad =
                 plant.described[..=usize::from(body)].iter().map(|joint| joint.give_rad().powi(2)).sum::<f32>().sqrt();

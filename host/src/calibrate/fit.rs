@@ -29,6 +29,7 @@ use super::result::calibration::{BlockScatter, Calibration, Seconds, Status};
 use super::result::fitted::Fit;
 use super::result::misfit;
 use super::result::summary;
+use super::result::untold_ages;
 use super::scatter;
 use super::search::{marginal, specification};
 use super::search::{self, Found};
@@ -111,6 +112,9 @@ pub fn fit(
 ) -> Result<Fit, CalibrateError> {
     let begin = Instant::now();
     let method = method.into();
+    // The paper takes all readings at the tick.
+    let known = (method.preset == Preset::Paper).then(|| robot.clone().with_known_lags());
+    let robot = known.as_ref().unwrap_or(robot);
     accept(robot, recordings, method.preset)?;
     let model = Model::new(robot);
     let assumptions = method.preset.assumptions();
@@ -371,6 +375,7 @@ impl Task<'_> {
             coloured: !scatter.wider.is_empty(),
         });
         calibration.misfit = misfit::sentences(&problem, (&found, &disagree), &calibration);
+        calibration.notes = untold_ages::sentences(robot, self.recordings, &calibration);
         if !calibration.misfit.is_empty() && calibration.status.is_usable() {
             calibration.status = Status::DoesNotFit;
         }

@@ -7,7 +7,7 @@
 //! ```
 //! `fit` is the pipeline, `extension` starts where a fit ended, `scatter` tells the errors of coloured residuals.
 
-mod data;
+pub(crate) mod data;
 mod error;
 #[cfg(test)]
 mod extended_tests;

@@ -90,11 +90,22 @@ fn four_stages_at_once_are_those_of_the_generic_walk() {
 #[test]
 fn rows_of_both_presets_have_the_slopes_of_differences() {
     let robot = robot();
-    let model = Model::new(&robot);
-    let series = Series::made_up(&robot, 6, 3);
-    for preset in [Preset::Default, Preset::Paper] {
-        let problem = Problem::new(&model, &robot, &series, preset.assumptions());
-        let point = random_point(&model, &robot, &series, 8);
+    rows_have_the_slopes_of_differences(&robot, &Series::made_up(&robot, 6, 3), &[Preset::Default, Preset::Paper]);
+}
+
+/// Before and after their stages, with lags that are estimated.
+#[test]
+fn rows_of_gyros_with_instants_have_the_slopes_of_differences() {
+    let robot = Robot::builtin("doggy").unwrap().with_free_lags();
+    let series = Series::made_up(&robot, 6, 3).with_instants(|k, gyro| [-2e-4, 5e-4][(k + gyro) % 2]);
+    rows_have_the_slopes_of_differences(&robot, &series, &[Preset::Default]);
+}
+
+fn rows_have_the_slopes_of_differences(robot: &Robot, series: &Series, presets: &[Preset]) {
+    let model = Model::new(robot);
+    for &preset in presets {
+        let problem = Problem::new(&model, robot, series, preset.assumptions());
+        let point = random_point(&model, robot, series, 8);
         let (n, m) = (problem.shape().stage, problem.shape().border);
         // Stage 0 has input zero and the paper's bias rows; stage 3 has input.
         for k in [0, 3] {

@@ -47,8 +47,9 @@ pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
         .iter()
         .map(|path| recording::read(path).map_err(|error| read_failure(error).about(path.display())))
         .collect::<Result<Vec<Recording>, _>>()?;
-    let robot = other.unwrap_or_else(|| recordings[0].robot.clone()); // clap asks for at least one recording
     let recordings: Vec<&Recording> = recordings.iter().collect();
+    // clap asks for at least one recording
+    let robot = other.map_or_else(|| recordings[0].robot.clone(), |other| recordings[0].suited(other));
     for recording in &recordings {
         for damage in &recording.damage {
             ui.say(format_args!("{}: {damage}", recording.source.path.display()));
@@ -127,6 +128,9 @@ pub(super) fn print_table(ui: &Ui, calibration: &Calibration) {
         Status::Unidentifiable => "converged; some parameters cannot be told from this motion",
         Status::DoesNotFit => "converged, but the model does not fit",
     };
+    for note in &calibration.notes {
+        ui.say(format_args!("note: {note}"));
+    }
     if let Some(scatter) = calibration.scatter.filter(|scatter| scatter.coloured) {
         ui.say(format_args!(
             "what the model leaves is no white noise (between {} blocks of time it scatters {:.1} times as much): errors are those of the scatter",

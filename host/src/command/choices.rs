@@ -7,7 +7,7 @@ use crate::calibrate::{NoiseSource, Preset};
 use crate::fleet::By;
 use crate::plan::Criterion;
 use crate::recording::import::EmptyInputs;
-use crate::simulate::Pace;
+use crate::simulate::{GyroChips, Pace};
 
 impl ValueEnum for Preset {
     fn value_variants<'a>() -> &'a [Self] {
@@ -65,6 +65,22 @@ impl ValueEnum for By {
             By::Robot => PossibleValue::new("robot").help("The robot's name in the description"),
             By::Folder => PossibleValue::new("folder")
                 .help("The folder that the result lies in: one folder a robot, where many have the same description"),
+        })
+    }
+}
+
+impl ValueEnum for GyroChips {
+    fn value_variants<'a>() -> &'a [Self] {
+        &[Self::Ideal, Self::Real, Self::Unstamped]
+    }
+
+    fn to_possible_value(&self) -> Option<PossibleValue> {
+        Some(match self {
+            Self::Ideal => PossibleValue::new("ideal").help("Converted when they are read, without a filter"),
+            Self::Real => PossibleValue::new("real").help("With clocks and filters of their own"),
+            Self::Unstamped => {
+                PossibleValue::new("unstamped").help("The same with \"data ready\" not wired: ages are unknown")
+            }
         })
     }
 }

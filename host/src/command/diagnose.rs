@@ -45,8 +45,8 @@ pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
     for recording in runs.iter().chain(&holdout) {
         args.fitness.look(recording, recording.source.path.display(), ui)?;
     }
-    let robot = other.or_else(|| runs.first().map(|run| run.robot.clone()));
-    let robot = robot.ok_or_else(|| Failure::usage("no recording was given"))?;
+    let first = runs.first().ok_or_else(|| Failure::usage("no recording was given"))?;
+    let robot = other.map_or_else(|| first.robot.clone(), |other| first.suited(other));
     let progress = ui.busy("reading");
     let options = Options { without: args.without, ..Options::default() };
     let runs: Vec<&Recording> = runs.iter().collect();

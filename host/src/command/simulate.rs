@@ -8,7 +8,9 @@ use std::time::Duration;
 use super::{Exit, Failure, NewFile, Ui, interrupt, json, robot_failure};
 use crate::failure::simulate_failure;
 use crate::robot::Robot;
-use crate::simulate::{EffectChoice, Fault, Mistake, Options, Pace, SimulationReport, Simulator, parse_scale};
+use crate::simulate::{
+    EffectChoice, Fault, GyroChips, Mistake, Options, Pace, SimulationReport, Simulator, parse_scale,
+};
 
 /// Play robot and microcontroller behind a pseudo-terminal
 ///
@@ -45,6 +47,9 @@ pub struct Args {
     /// encoder-phase=1 (one is open), counts=1*0.5, gear=1*0.7, gyro-turned=2z or gyro-mirrored=2z; may be repeated
     #[arg(long = "mistake", value_name = "MISTAKE")]
     mistakes: Vec<Mistake>,
+    /// What the gyros are
+    #[arg(long, value_enum, default_value_t = GyroChips::Ideal)]
+    gyros: GyroChips,
     /// Write the true parameters, the effects and the faults injected to this file at the end
     #[arg(long, value_name = "FILE.json")]
     truth: Option<PathBuf>,
@@ -68,6 +73,7 @@ pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
         process_noise: args.process_noise,
         pace: args.pace,
         faults: args.faults,
+        gyros: args.gyros,
         mistakes: args.mistakes,
         link: args.link,
         truth: args.truth,

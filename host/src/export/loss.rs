@@ -85,6 +85,15 @@ pub(super) fn of_programs(exported: &Exported<'_>) -> Vec<Loss> {
         };
         losses.push(loss);
     }
+    if model.has_gyro_lags() {
+        let z = exported.calibrated.z();
+        let lags = (0..exported.calibrated.robot().gyros().count()).map(|gyro| model.gyro_lag(gyro, z).0.to_string());
+        let told = format!(
+            "gyros are those of the moment itself; a real one is {} s later beside what the device tells",
+            lags.collect::<Vec<_>>().join(" and ")
+        );
+        losses.push(Loss::lost("lag of the gyros", told));
+    }
     losses.push(Loss::exact("noise of sensors", "standard deviations in a table; readings are without noise"));
     losses.push(Loss::lost("process noise", "a step is without noise; its size stands in the calibration"));
     let covariance = &exported.calibration.covariance;

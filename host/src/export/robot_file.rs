@@ -80,6 +80,9 @@ fn entry<'d>(file: &'d mut DocumentMut, exported: &Exported<'_>, spec: &Paramete
         };
         return each(file, "sensor").find(|sensor| is_it(*sensor))?.get_mut(key);
     }
+    if let Symbol::Lag { gyro } = spec.symbol {
+        return each(file, "sensor").filter(|sensor| is(*sensor, "kind", "gyro")).nth(gyro)?.get_mut("lag_s");
+    }
     // One number for all joints has no index.
     if spec.name == name {
         return file.get_mut("parameters")?.get_mut(name);

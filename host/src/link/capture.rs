@@ -19,7 +19,7 @@ use super::log::{Dictionary, LogCounts, LogReader};
 use super::take::Take;
 use super::{Device, LinkError, ScaleError, Scales, words};
 use crate::recording::mcap::{Disk, WriteError, Writer};
-use crate::recording::{LogLine, LossBalance, MotionFile, Session};
+use crate::recording::{GyroTime, LogLine, LossBalance, MotionFile, Session};
 use crate::robot::Robot;
 
 /// The number under which motions are uploaded.
@@ -207,6 +207,7 @@ impl<'a> Ready<'a> {
         let mut session = Session::of(robot.clone());
         session.motion = Some(MotionFile { name: motion.name.as_str().to_owned(), toml: motion_text });
         session.zero_rad = scales.zero().to_vec();
+        session.gyro_times = GyroTime::of(&device.hello().gyros);
         session.firmware = Some(words::firmware(device.hello()));
         Ok(Self { device, motion, scales, session, start_tick: None, log: None })
     }

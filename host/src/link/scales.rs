@@ -161,6 +161,7 @@ impl Scales {
             flags: sample.flags.bits(),
             execution_us: f64::from(sample.execution_us()),
             jitter_us: f64::from(sample.jitter_us),
+            gyro_ages_us: sample.gyro_ages.map(|age| age.us().map_or(f64::NAN, f64::from)),
         };
         Row { t_us, seq, phase: sample.phase, tick, duty: &self.duty, values: &self.values }
     }

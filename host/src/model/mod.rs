@@ -84,6 +84,8 @@ pub struct Model {
     laws: Laws,
     /// How each joint's link encoder reads: at zero, and by what share too much.
     link_readings: Vec<[Source; 2]>,
+    /// How late each gyro is.
+    gyro_lags: Vec<Source>,
     /// Links in the chain that carry the robot's bodies.
     bodies: Vec<usize>,
 }
@@ -125,6 +127,11 @@ impl Model {
             link_readings: (0..robot.joints.len())
                 .map(|joint| [Symbol::Zero, Symbol::ScaleError].map(|symbol| coordinates.source(robot, symbol, joint)))
                 .collect(),
+            gyro_lags: robot
+                .gyros()
+                .enumerate()
+                .map(|(gyro, sensor)| coordinates.source(robot, Symbol::Lag { gyro }, sensor.body))
+                .collect(),
             coordinates,
             transmissions,
             laws,
@@ -161,6 +168,20 @@ impl Model {
     pub fn link_position(&self, joint: usize, reading: f64, z: &[f64]) -> f64 {
         let [zero, scale_error] = self.link_readings[joint].map(|source| source.value(z));
         (reading - zero) / (1.0 + scale_error)
+    }
+
+    /// How late a gyro is beyond what is known, s, and the coordinate that it is, if it is estimated.
+    pub fn gyro_lag(&self, gyro: usize, z: &[f64]) -> (f64, Option<usize>) {
+        match self.gyro_lags.get(gyro) {
+            Some(Source::Free { coordinate, .. }) => (z[*coordinate], Some(*coordinate)),
+            Some(Source::Known(lag_s)) => (*lag_s, None),
+            None => (0.0, None),
+        }
+    }
+
+    /// Whether a gyro is late beyond what is known, or that is estimated.
+    pub fn has_gyro_lags(&self) -> bool {
+        self.gyro_lags.iter().any(|lag| *lag != Source::Known(0.0))
     }
 
     /// The laws beyond the base model.

@@ -151,7 +151,7 @@ impl Belief {
 fn is_open(robot: &Robot, spec: &ParameterSpec) -> bool {
     match spec.symbol {
         Symbol::Misalignment { gyro, .. } => robot.gyros().nth(gyro).is_some_and(|gyro| gyro.rotation_free),
-        Symbol::Bias { .. } => false,
+        Symbol::Bias { .. } | Symbol::Lag { .. } => false,
         _ => spec.value.free,
     }
 }

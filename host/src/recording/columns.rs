@@ -39,6 +39,8 @@ pub struct Recording {
     pub ticks: Vec<Tick>,
     /// See [`Session::zero_rad`].
     pub zero_rad: Vec<f64>,
+    /// See [`Session::gyro_times`].
+    pub gyro_times: Vec<super::GyroTime>,
     /// The motion that was played.
     pub motion: Option<super::MotionFile>,
     /// Where missing samples went; `None` for tables, and for a recording that was cut off before the first balance.
@@ -71,15 +73,22 @@ pub struct Tick {
     pub execution_us: f64,
     /// How much later than one period after the tick before this one began, µs; NaN if unknown.
     pub jitter_us: f64,
+    /// How long before the tick's time each gyro ended the conversion of its words, µs; NaN if unknown.
+    pub gyro_ages_us: [f64; protocol::MAX_GYROS],
 }
 
 impl Default for Tick {
     fn default() -> Self {
-        Self { flags: 0, execution_us: f64::NAN, jitter_us: f64::NAN }
+        Self { flags: 0, execution_us: f64::NAN, jitter_us: f64::NAN, gyro_ages_us: [f64::NAN; protocol::MAX_GYROS] }
     }
 }
 
 impl Recording {
+    /// Another description of the robot as it suits this recording: with the lags of gyros estimated whose clocks the device tells of.
+    pub fn suited(&self, robot: Robot) -> Robot {
+        super::session::suited(robot, &self.gyro_times)
+    }
+
     /// Number of samples.
     pub fn len(&self) -> usize {
         self.t_us.len()
@@ -191,6 +200,7 @@ impl Recording {
             motion: self.motion.clone(),
             zero_rad: self.zero_rad.clone(),
             firmware: self.firmware.clone(),
+            gyro_times: self.gyro_times.clone(),
             period_s: (self.period_s != self.robot.sample_period_s).then_some(self.period_s),
             imported_from: self.imported_from.clone(),
         }

@@ -3,8 +3,8 @@
 use proptest::prelude::*;
 
 use super::{
-    Event, Firmware, LogLevel, LogLine, LossBalance, MotionFile, NO_PHASE, Place, Recorder, Recording, Row, Session,
-    Severity, Source, Tick,
+    Event, Firmware, GyroTime, LogLevel, LogLine, LossBalance, MotionFile, NO_PHASE, Place, Recorder, Recording, Row,
+    Session, Severity, Source, Tick,
 };
 use crate::robot::Robot;
 
@@ -77,13 +77,18 @@ fn assemble(parts: Parts) -> Recording {
             details: String::new(),
         });
     }
+    let gyros = session.robot.gyros().count();
+    if from_device {
+        session.gyro_times = vec![GyroTime { filter_delay_us: Some(563.0), output_rate_hz: None }; gyros];
+    }
     let mut recorder = Recorder::new(session);
     let (mut t_us, mut seq) = (1_790_148, 7);
     for (k, (step_us, ticks_passed)) in steps.into_iter().enumerate() {
         t_us += step_us * ticks_passed;
         seq += ticks_passed;
         let (phase, flags, execution_us, jitter_us) = ticks[k];
-        let tick = Tick { flags, execution_us, jitter_us };
+        let age = |gyro: usize| if gyro < gyros { jitter_us + gyro as f64 } else { f64::NAN };
+        let tick = Tick { flags, execution_us, jitter_us, gyro_ages_us: std::array::from_fn(age) };
         recorder.push(&Row { t_us, seq, phase, tick, duty: &duty[k], values: &values[k] }).unwrap();
     }
     for (severity, text) in events {
@@ -113,6 +118,7 @@ pub fn assert_same(left: &Recording, right: &Recording) {
     assert_same_samples(left, right);
     assert_eq!(left.session(), right.session());
     assert_eq!(left.phase, right.phase);
+    assert_eq!(left.gyro_times, right.gyro_times);
     assert_eq!(format!("{:?}", left.ticks), format!("{:?}", right.ticks)); // NaN is NaN here
     assert_eq!(left.events, right.events);
     assert_eq!(left.log, right.log);

@@ -30,7 +30,7 @@ pub use columns::{Channel, NO_PHASE, Recording, Tick};
 pub use log::{LogLevel, LogLine, Place};
 pub use mcap::{Damage, ReadError};
 pub use recorder::{Recorder, Row, RowError};
-pub use session::{Event, Firmware, LossBalance, MotionFile, Session, Severity, Source};
+pub use session::{Event, Firmware, GyroTime, LossBalance, MotionFile, Session, Severity, Source};
 
 /// Reads a recording made by `host record`, `import` or `repair`.
 ///

@@ -2,6 +2,7 @@
 
 use crate::robot::Robot;
 
+use super::session;
 use super::{Channel, Event, LogLine, LossBalance, Recording, Session, Source, Tick};
 
 /// One sample.
@@ -118,12 +119,14 @@ pub struct Recorder {
 impl Recorder {
     /// An empty recording of this session.
     pub fn new(session: Session) -> Self {
-        let channels = session.robot.channels();
-        let joints = session.robot.joints.len();
+        let robot = session.robot;
+        let robot = session::suited(robot, &session.gyro_times);
+        let channels = robot.channels();
+        let joints = robot.joints.len();
         let recording = Recording {
             source: Source { path: Default::default(), sha256: String::new() },
             imported_from: session.imported_from,
-            period_s: session.period_s.unwrap_or(session.robot.sample_period_s),
+            period_s: session.period_s.unwrap_or(robot.sample_period_s),
             t_us: Vec::new(),
             part_of_us: None,
             seq: Vec::new(),
@@ -131,13 +134,14 @@ impl Recorder {
             phase: Vec::new(),
             ticks: Vec::new(),
             zero_rad: session.zero_rad,
+            gyro_times: session.gyro_times,
             motion: session.motion,
             balance: None,
             events: Vec::new(),
             log: Vec::new(),
             firmware: session.firmware,
             damage: Vec::new(),
-            robot: session.robot,
+            robot,
             channels: channels.into_iter().map(|spec| Channel { spec, values: Vec::new() }).collect(),
         };
         Self { order: Order::new(joints, recording.channels.len()), recording }

@@ -18,6 +18,8 @@ pub struct Session {
     pub zero_rad: Vec<f64>,
     /// The handshake of the device.
     pub firmware: Option<Firmware>,
+    /// What the device tells of each gyro's own clock and filter; empty if it tells nothing, as tables and older recordings do.
+    pub gyro_times: Vec<GyroTime>,
     /// Mean time between rows of an imported table, s; of others the robot's period counts.
     pub period_s: Option<f64>,
     /// The table or bag that was imported.
@@ -27,8 +29,47 @@ pub struct Session {
 impl Session {
     /// A session of which nothing but the robot is known.
     pub fn of(robot: Robot) -> Self {
-        Self { robot, motion: None, zero_rad: Vec::new(), firmware: None, period_s: None, imported_from: None }
+        Self {
+            robot,
+            motion: None,
+            zero_rad: Vec::new(),
+            firmware: None,
+            gyro_times: Vec::new(),
+            period_s: None,
+            imported_from: None,
+        }
     }
+}
+
+/// When a gyro reads what it tells, as far as the device knows.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct GyroTime {
+    /// By how much its filter delays what changes slowly, µs; nothing is known if left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub filter_delay_us: Option<f64>,
+    /// Nominal conversions per second by its own clock; it converts when it is read if left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub output_rate_hz: Option<f64>,
+}
+
+impl GyroTime {
+    /// Of every gyro of a device; empty if it tells nothing of any.
+    pub(crate) fn of(gyros: &[protocol::GyroInfo]) -> Vec<Self> {
+        let tells = |gyro: &protocol::GyroInfo| gyro.filter_delay_us.is_some() || gyro.output_rate_hz.is_some();
+        if !gyros.iter().any(tells) {
+            return Vec::new();
+        }
+        let of = |gyro: &protocol::GyroInfo| GyroTime {
+            filter_delay_us: gyro.filter_delay_us.map(f64::from),
+            output_rate_hz: gyro.output_rate_hz.map(f64::from),
+        };
+        gyros.iter().map(of).collect()
+    }
+}
+
+/// The robot of a device that tells this of its gyros: real ones have a lag that no data sheet tells all of.
+pub(super) fn suited(robot: Robot, gyro_times: &[GyroTime]) -> Robot {
+    if gyro_times.is_empty() { robot } else { robot.with_free_lags() }
 }
 
 /// A file that data came from.

@@ -309,6 +309,7 @@ mod tests {
                 left_out: 0,
             }],
             misfit: Vec::new(),
+            notes: Vec::new(),
             scatter: None,
             fit: vec![ChannelFit { channel: "gyro1.x".into(), rms: Some(1e-3), nrmse: Some(0.01) }],
             first_states: Vec::new(),

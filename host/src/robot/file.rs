@@ -144,6 +144,7 @@ pub(super) struct SensorTable {
     pub rotation: Option<StartOrFixed<[[f64; 3]; 3]>>,
     pub bias_rad_s: Option<StartOrFixed<[f64; 3]>>,
     pub range_rad_s: Option<f64>,
+    pub lag_s: Option<StartOrFixed<f64>>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]

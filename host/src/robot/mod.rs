@@ -307,6 +307,41 @@ impl Robot {
         validate::robot(file, text)
     }
 
+    /// The same robot with the lag of every gyro estimated whose description says nothing of it: no data sheet tells all that a real
+    /// part's filters delay.
+    #[must_use]
+    pub fn with_free_lags(self) -> Self {
+        self.with_lags(|table| {
+            if !table.contains_key("lag_s") {
+                let mut free = toml_edit::InlineTable::new();
+                free.insert("start", 0.0.into());
+                table.insert("lag_s", toml_edit::value(free));
+            }
+        })
+    }
+
+    /// The same robot without an estimate of lags: they are what the description has them start from.
+    #[must_use]
+    pub fn with_known_lags(self) -> Self {
+        self.with_lags(|table| {
+            let lag = table.get_mut("lag_s").and_then(toml_edit::Item::as_table_like_mut);
+            if let Some(lag) = lag
+                && let Some(start) = lag.remove("start")
+            {
+                lag.insert("fixed", start);
+            }
+        })
+    }
+
+    /// The same robot with other tables of gyros; itself where nothing changes.
+    fn with_lags(self, change: impl Fn(&mut dyn toml_edit::TableLike)) -> Self {
+        // A description that was read can be read again.
+        let Ok(mut file) = self.toml.parse::<toml_edit::DocumentMut>() else { return self };
+        edit::each(&mut file, "sensor").filter(|table| edit::is(*table, "kind", "gyro")).for_each(change);
+        let text = file.to_string();
+        if text == self.toml { self } else { Self::parse(&text).unwrap_or(self) }
+    }
+
     /// A built-in robot by its name, or a description file by its path.
     ///
     /// # Errors

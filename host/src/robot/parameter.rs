@@ -45,6 +45,11 @@ pub enum Symbol {
     Zero,
     /// The share by which a link encoder tells too much.
     ScaleError,
+    /// How much later a gyro reads than its description, its stamps and its known delay say.
+    Lag {
+        /// Which gyro.
+        gyro: usize,
+    },
     /// Bias of one gyro axis (0-based).
     Bias {
         /// Which gyro.
@@ -64,11 +69,11 @@ pub enum Symbol {
 /// One parameter: its name in results, where it enters, and where its estimate starts.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ParameterSpec {
-    /// Name, as `k_pwm`, `k_s[2]`, `bias1[x]`, `R_imu2[z]`.
+    /// Name, as `k_pwm`, `k_s[2]`, `lag1`, `bias1[x]`, `R_imu2[z]`.
     pub name: String,
     /// What it is.
     pub symbol: Symbol,
-    /// The joints it enters, 0-based; empty for sensors.
+    /// The joints it enters, 0-based; of a gyro's lag the one that moves its body; empty for other parameters of gyros.
     pub joints: Vec<usize>,
     /// Unit.
     pub unit: &'static str,
@@ -116,6 +121,7 @@ impl Symbol {
             Self::FirstMoment { .. } => "mz",
             Self::Zero => "zero",
             Self::ScaleError => "scale_error",
+            Self::Lag { .. } => "lag",
             Self::Bias { .. } => "bias",
             Self::Misalignment { .. } => "R_imu",
         }
@@ -124,6 +130,7 @@ impl Symbol {
     /// The unit at a joint of this kind.
     pub const fn unit(self, kind: JointKind) -> &'static str {
         match (kind, self) {
+            (_, Self::Lag { .. }) => "s",
             (_, Self::Bias { .. }) => "rad/s",
             (_, Self::Misalignment { .. }) => "rad",
             (_, Self::ScaleError) => "",
@@ -156,7 +163,7 @@ impl Symbol {
             // With a voltage it is k_mi by another name.
             Self::V => !matches!(input, InputUnit::Duty | InputUnit::Volt),
             Self::O | Self::J | Self::FirstMoment { .. } => true,
-            Self::Bias { .. } | Self::Misalignment { .. } | Self::Zero | Self::ScaleError => false,
+            Self::Bias { .. } | Self::Misalignment { .. } | Self::Lag { .. } | Self::Zero | Self::ScaleError => false,
         }
     }
 
@@ -167,7 +174,7 @@ impl Symbol {
 
     /// Whether physics leaves its sign open.
     pub(crate) const fn has_either_sign(self) -> bool {
-        matches!(self, Self::O | Self::J | Self::FirstMoment { .. } | Self::Zero | Self::ScaleError)
+        matches!(self, Self::O | Self::J | Self::FirstMoment { .. } | Self::Zero | Self::ScaleError | Self::Lag { .. })
     }
 
     /// Whether zero is a value that the equations can stand.

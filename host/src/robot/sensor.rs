@@ -64,6 +64,8 @@ pub struct Gyro {
     pub sigma_rad_s: f64,
     /// Full scale, if known, rad/s.
     pub range_rad_s: Option<f64>,
+    /// How much later it reads than `offset_s`, its stamps and its known delay say, s, if that is not nothing.
+    pub lag_s: Option<Parameter>,
     /// When it is read after the start of the tick, s.
     pub offset_s: f64,
 }

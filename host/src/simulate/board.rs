@@ -9,6 +9,7 @@
 
 use firmware::driver::{Bmi323, Gyro, GyroRange, Icm42688p, QuadratureCounter};
 use firmware::safety::Axis;
+use firmware::wiring::data_ready::DataReady;
 use firmware::{Config, ControlCore, ControlLoop, GyroInput, GyroSetup, Inputs, JointSetup};
 use protocol::motion::Limits;
 use protocol::{Duty, MAX_JOINTS, ResetReason, State};
@@ -31,6 +32,8 @@ pub struct Board {
     /// What extends each hardware counter.
     counters: Vec<QuadratureCounter>,
     gyros: Vec<GyroDriver>,
+    /// What tells the ages of the gyros' words.
+    data_ready: Vec<DataReady>,
     /// Clock at the start of the firmware, ns: device time counts from here.
     started_ns: u64,
     preloaded: [f64; MAX_JOINTS],
@@ -58,6 +61,7 @@ impl Board {
             config,
             counters: Vec::new(),
             gyros: Vec::new(),
+            data_ready: Vec::new(),
             started_ns: 0,
             preloaded: [0.0; MAX_JOINTS],
             last: Default::default(),
@@ -88,6 +92,8 @@ impl Board {
         let (range, clock) = (self.world.range(), self.world.clock());
         self.gyros =
             self.world.gyros().iter().map(|chip| GyroDriver::new(chip, range, clock)).collect::<Result<_, _>>()?;
+        let ready = |chip: &GyroChip| DataReady::new(chip.output_rate_hz(), chip.read_us());
+        self.data_ready = self.world.gyros().iter().map(ready).collect();
         self.counters = self.world.encoder_infos().iter().map(|_| QuadratureCounter::new(0)).collect();
         self.started_ns = self.world.clock().now_ns();
         Ok(())
@@ -124,6 +130,12 @@ impl Board {
         }
         for (input, gyro) in inputs.gyros.iter_mut().zip(&mut self.gyros) {
             *input = gyro.read();
+        }
+        let now_us = (self.world.clock().now_ns() - self.started_ns) / 1000;
+        let ages = inputs.gyro_ages.iter_mut().zip(&mut self.data_ready);
+        for ((age, ready), since_us) in ages.zip(self.world.ready_us()) {
+            // The device's clock wraps, as its 32 bits do.
+            *age = ready.age(now_us as u32, since_us.map(|since| (now_us as u32).wrapping_sub(since.into())));
         }
         inputs
     }

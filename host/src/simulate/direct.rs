@@ -8,7 +8,7 @@ use super::simulator::Drawn;
 use super::wires::Wires;
 use super::{Board, EffectTruth, Options, SimulateError};
 use crate::effect::TrueValue;
-use crate::recording::{MotionFile, Recorder, Recording, Row, Session, Source, Tick};
+use crate::recording::{GyroTime, MotionFile, Recorder, Recording, Row, Session, Source, Tick};
 
 /// A motion of 24 s that shows every parameter of a robot like Doggy: rest, slow sines and moves of all joints, steps and a chirp
 /// of each, steps and a chirp of all.
@@ -56,7 +56,9 @@ impl Direct {
         let mut board = Board::new(robot, world)?;
         let wires = Wires::new(robot, &board);
         let file = MotionFile { name: played.name.to_string(), toml: motion.to_owned() };
-        let mut recorder = Recorder::new(Session { motion: Some(file), ..Session::of(robot.clone()) });
+        let gyro_times = GyroTime::of(board.world().gyro_infos());
+        let session = Session { motion: Some(file), gyro_times, ..Session::of(robot.clone()) };
+        let mut recorder = Recorder::new(session);
         let mut player: Option<Player> = None;
         (0..n).for_each(|_| board.begin_motion());
         let names = |joint: usize| ["q", "qd", "theta", "thetad"].map(|name| format!("{name}{}", joint + 1));
@@ -80,7 +82,9 @@ impl Direct {
             let Some(phase) = phase else { break };
             let values = wires.values(&inputs);
             let duty = &duty[..robot.joints.len()];
-            let row = Row { t_us: 1000 * k, seq: k, phase, tick: Tick::default(), duty, values: &values };
+            let gyro_ages_us = inputs.gyro_ages.map(|age| age.us().map_or(f64::NAN, f64::from));
+            let tick = Tick { gyro_ages_us, ..Tick::default() };
+            let row = Row { t_us: 1000 * k, seq: k, phase, tick, duty, values: &values };
             states.iter_mut().zip(before).for_each(|((_, values), value)| values.push(value));
             recorder.push(&row).map_err(|error| SimulateError::Machine { said: error.to_string() })?;
         }

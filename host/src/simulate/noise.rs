@@ -20,6 +20,10 @@ pub enum Purpose {
     Process = 1 << 32,
     /// Faults of the line.
     Line = 3,
+    /// Clocks of real gyros.
+    GyroClock = 4,
+    /// Filters of real gyros.
+    GyroFilter = 5,
 }
 
 /// The stream of a seed for a purpose.

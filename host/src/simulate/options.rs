@@ -5,7 +5,7 @@
 use std::path::PathBuf;
 use std::str::FromStr;
 
-use super::{Mistake, SimulateError};
+use super::{GyroChips, Mistake, SimulateError};
 use crate::effect::{CATALOGUE, Effect, EffectError, Hidden, Size};
 use crate::robot::Robot;
 
@@ -26,6 +26,8 @@ pub struct Options {
     pub pace: Pace,
     /// Faults of the line and the board.
     pub faults: Vec<Fault>,
+    /// What the gyros are.
+    pub gyros: GyroChips,
     /// Mistakes of wiring and assembly.
     pub mistakes: Vec<Mistake>,
     /// A symbolic link to the port.
@@ -94,6 +96,7 @@ impl Options {
             process_noise: 0.0,
             pace: Pace::Fast,
             faults: Vec::new(),
+            gyros: GyroChips::Ideal,
             mistakes: Vec::new(),
             link: None,
             truth: None,
@@ -124,6 +127,14 @@ impl Options {
                 "effect" => options.effects.push(value.parse()?),
                 "fault" => options.faults.push(value.parse()?),
                 "mistake" => options.mistakes.push(value.parse()?),
+                "gyros" => {
+                    options.gyros = match value {
+                        "ideal" => GyroChips::Ideal,
+                        "real" => GyroChips::Real,
+                        "unstamped" => GyroChips::Unstamped,
+                        _ => return Err(wrong("ideal, real or unstamped")),
+                    };
+                }
                 "truth" => options.truth = Some(PathBuf::from(value)),
                 "pace" => {
                     options.pace = match value {
@@ -240,6 +251,7 @@ mod tests {
             ("fault=drop=2", "`drop=2`"),
             ("fault=stall-out=1", "stall-out=SECONDS@TIME"),
             ("pace=quick", "real or fast"),
+            ("gyros=perfect", "ideal, real or unstamped"),
             ("process_noise=-1", "0 or above"),
             ("robot=dogy", "did you mean `doggy`"),
             ("effect=base_baering=large", "did you mean `base_bearing`"),

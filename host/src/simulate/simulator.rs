@@ -16,6 +16,7 @@ use std::time::{Duration, Instant};
 use serde::Serialize;
 
 use super::board::Board;
+use super::gyro_clock::{self, GyroChips};
 use super::noise::{Purpose, stream};
 use super::options::EffectChoice;
 use super::pty::Pty;
@@ -94,13 +95,19 @@ impl Drawn {
     pub fn new(options: &Options) -> Result<Self, SimulateError> {
         let robot = &options.robot;
         let truth = Truth::drawn(robot, &mut stream(options.seed, Purpose::Truth));
-        let hidden = hide(options)?;
+        let mut hidden = hide(options)?;
         let effects = hidden.iter().map(|h| EffectTruth { id: h.id, parameters: h.values.clone() }).collect();
+        if options.gyros != GyroChips::Ideal && robot.gyros().next().is_some() {
+            hidden.push(gyro_clock::filter(robot, options.seed));
+        }
         let mut plant = Plant::new(robot, &truth, hidden)?;
         if options.process_noise > 0.0 {
             plant = plant.with_process_noise(ProcessNoise::scaled(options.process_noise), options.seed);
         }
-        let world = World::new(robot, plant, options.seed)?.with_mistakes(robot, &options.mistakes)?;
+        let mut world = World::new(robot, plant, options.seed)?.with_mistakes(robot, &options.mistakes)?;
+        if options.gyros != GyroChips::Ideal {
+            world = world.with_real_gyros(robot, options.seed, options.gyros == GyroChips::Real);
+        }
         Ok(Self { world, truth: truth.values(robot), effects })
     }
 }

@@ -6,17 +6,22 @@
 //!                  └─▶ BMI323 ◀───── I²C ─▶                      pass(duty)     the rest of the millisecond
 //! ```
 //!
+//! Real gyros ([`GyroChips::Real`](super::GyroChips)) convert in both halves, whenever their clocks say so, and a board reads what was converted last.
+//!
 //! Which microcontroller stands at the pins is not the world's business: [`Board`](super::Board) runs the firmware's
 //! control core on this machine, and an emulator runs the image that is flashed.
 
 use embedded_hal::i2c::I2c as _;
 use embedded_hal::spi::SpiDevice as _;
 use firmware::constants::GYRO_SATURATED_AT;
-use firmware::driver::GyroRange;
-use protocol::{EncoderInfo, GyroInfo, MAX_ENCODERS, MAX_JOINTS, Side};
+use firmware::driver::{
+    BMI323_RATE_HZ, BMI323_READ_US, FILTER_DELAY_US, GyroRange, ICM42688P_RATE_HZ, ICM42688P_READ_US,
+};
+use protocol::{EncoderInfo, GyroInfo, MAX_ENCODERS, MAX_GYROS, MAX_JOINTS, Side};
 
 use super::chip::{Bmi323Chip, BoardClock, Icm42688pChip, Shared};
 use super::encoder::EncoderChip;
+use super::gyro_clock::GyroClock;
 use super::noise::Noise;
 use super::plant::Plant;
 use super::{Mistake, SimulateError, TICK_NS, TICK_S};
@@ -43,6 +48,23 @@ pub struct World {
     mistakes: Vec<Mistake>,
     /// How much of the present tick has passed, s.
     elapsed_s: f64,
+    /// What real gyros have beside their chips; none of ideal ones.
+    real: Vec<RealGyro>,
+    /// "Data ready" of real gyros is wired to the capture pins.
+    wired: bool,
+}
+
+/// The clock of a real gyro, and what it converts.
+#[derive(Debug)]
+struct RealGyro {
+    clock: GyroClock,
+    /// Its chip was read in this tick: what it converts now, nobody sees before the next.
+    was_read: bool,
+    held_back: Vec<(u64, [f64; 3])>,
+    /// When the last conversion since the start of the tick before ended, ns.
+    edge_ns: Option<f64>,
+    /// The same at the start of this tick.
+    edge_at_tick_ns: Option<f64>,
 }
 
 /// A sensor, by its index.
@@ -92,6 +114,8 @@ impl World {
                     rad_s_per_lsb: range.lsb_rad_s(),
                     saturated_at: GYRO_SATURATED_AT,
                     offset_us: (gyro.offset_s * 1e6).round() as u16,
+                    filter_delay_us: None,
+                    output_rate_hz: None,
                 })
                 .collect(),
             // sigma² = noise² + step²/12
@@ -106,9 +130,31 @@ impl World {
             joints: robot.joints.len(),
             mistakes: Vec::new(),
             elapsed_s: 0.0,
+            real: Vec::new(),
+            wired: false,
         };
         world.clear_counters();
         Ok(world)
+    }
+
+    /// The same world with real gyros, whose clocks the seed draws; their filters are the plant's. Whether "data ready" is wired.
+    #[must_use]
+    pub fn with_real_gyros(mut self, robot: &Robot, seed: u64, wired: bool) -> Self {
+        self.wired = wired;
+        let real =
+            |clock| RealGyro { clock, was_read: false, held_back: Vec::new(), edge_ns: None, edge_at_tick_ns: None };
+        self.real = GyroClock::drawn(robot, seed).into_iter().map(real).collect();
+        for (offset_s, reading) in &mut self.schedule {
+            if let Reading::Gyro(gyro) = reading {
+                *offset_s += 1e-6 * f64::from(self.gyros[*gyro].read_us());
+            }
+        }
+        self.schedule.sort_by(|a, b| a.0.total_cmp(&b.0));
+        for (info, chip) in self.gyro_infos.iter_mut().zip(&self.gyros) {
+            info.filter_delay_us = Some(FILTER_DELAY_US);
+            info.output_rate_hz = Some(chip.output_rate_hz() as u16);
+        }
+        self
     }
 
     /// The same world with these mistakes in it, of which the firmware is not told.
@@ -141,28 +187,81 @@ impl World {
         let mut counters = [0; MAX_ENCODERS];
         let duty = self.at_motors(duty);
         self.elapsed_s = 0.0;
+        for gyro in &mut self.real {
+            gyro.edge_at_tick_ns = gyro.edge_ns.take();
+        }
         for i in 0..self.schedule.len() {
             let (offset_s, reading) = self.schedule[i];
-            if offset_s > self.elapsed_s {
-                self.plant.advance(&duty[..self.joints], offset_s - self.elapsed_s);
-                self.elapsed_s = offset_s;
-            }
+            self.advance(&duty, offset_s);
             match reading {
                 Reading::Encoder(i) => {
                     let position = self.position(i);
                     counters[i] = self.encoders[i].counter(position, self.counter_starts[i], &mut self.noise);
                 }
-                Reading::Gyro(i) => {
-                    let sigma = self.gyro_sigmas[i];
-                    let noise = [0.0; 3].map(|_: f64| self.noise.draw(sigma));
-                    let mut rate = self.plant.gyro_reading(i, noise);
-                    self.mistakes.iter().for_each(|mistake| mistake.measures(i, &mut rate));
-                    self.gyros[i].sense(rate);
-                }
+                Reading::Gyro(i) => match self.real.get_mut(i) {
+                    Some(real) => real.was_read = true,
+                    None => {
+                        let rate = self.gyro_reading(i);
+                        self.gyros[i].sense(rate);
+                    }
+                },
             }
         }
         self.mistakes.iter().for_each(|mistake| mistake.counts(&mut counters));
         counters
+    }
+
+    /// What a gyro puts out at this moment, rad/s in the axes of its chip.
+    fn gyro_reading(&mut self, gyro: usize) -> [f64; 3] {
+        let sigma = self.gyro_sigmas[gyro];
+        let noise = [0.0; 3].map(|_: f64| self.noise.draw(sigma));
+        let mut rate = self.plant.gyro_reading(gyro, noise);
+        self.mistakes.iter().for_each(|mistake| mistake.measures(gyro, &mut rate));
+        rate
+    }
+
+    /// Time of the board's clock, ns.
+    fn now_ns(&self) -> f64 {
+        self.clock.now_ns() as f64 + 1e9 * self.elapsed_s
+    }
+
+    /// Lets the tick go on until `to_s` after its start, with what real gyros convert meanwhile.
+    fn advance(&mut self, duty: &[f64; MAX_JOINTS], to_s: f64) {
+        let begin_ns = self.clock.now_ns() as f64;
+        loop {
+            let now_ns = self.now_ns();
+            let next = self.real.iter().zip(&self.gyros).enumerate().filter_map(|(i, (real, chip))| {
+                let nominal_ns = chip.converts_every_ns(now_ns as u64)?;
+                Some((i, real.clock.next_ns(now_ns, nominal_ns)))
+            });
+            let next = next.min_by(|a, b| a.1.total_cmp(&b.1)).filter(|(_, at_ns)| *at_ns <= begin_ns + 1e9 * to_s);
+            let until_s = next.map_or(to_s, |(_, at_ns)| 1e-9 * (at_ns - begin_ns));
+            if until_s > self.elapsed_s {
+                self.plant.advance(&duty[..self.joints], until_s - self.elapsed_s);
+                self.elapsed_s = until_s;
+            }
+            let Some((i, at_ns)) = next else { return };
+            let rate = self.gyro_reading(i);
+            let real = &mut self.real[i];
+            real.edge_ns = Some(at_ns);
+            if real.was_read {
+                real.held_back.push((at_ns as u64, rate));
+            } else {
+                self.gyros[i].convert(at_ns as u64, rate);
+            }
+        }
+    }
+
+    /// How long before this tick's time each gyro's "data ready" rose last, µs, as a capture in whole µs of the device's time shows it;
+    /// none if it did not since the tick before. Ideal gyros have no such edge.
+    pub fn ready_us(&self) -> [Option<u16>; MAX_GYROS] {
+        let now_us = self.clock.now_ns() / 1000;
+        let ready = |gyro: usize| {
+            let real = self.real.get(gyro).filter(|_| self.wired)?;
+            let edge_us = (real.edge_at_tick_ns? / 1000.0).floor();
+            u16::try_from((now_us as f64 - edge_us) as i64).ok()
+        };
+        std::array::from_fn(ready)
     }
 
     /// The robot itself.
@@ -173,7 +272,11 @@ impl World {
     /// The second half: what is left of the millisecond, under this duty.
     pub fn pass(&mut self, duty: &[f64]) {
         let duty = self.at_motors(duty);
-        self.plant.advance(&duty[..self.joints], TICK_S - self.elapsed_s);
+        for (real, chip) in self.real.iter_mut().zip(&self.gyros) {
+            real.was_read = false;
+            real.held_back.drain(..).for_each(|(at_ns, rate)| chip.convert(at_ns, rate));
+        }
+        self.advance(&duty, TICK_S);
         self.clock.pass_ns(TICK_NS);
         self.elapsed_s = 0.0;
     }
@@ -190,6 +293,8 @@ impl World {
     /// was before.
     pub fn begin_motion(&mut self) {
         self.plant.begin_motion();
+        let now_ns = self.clock.now_ns() as f64;
+        self.real.iter_mut().for_each(|gyro| gyro.clock.begin_motion(now_ns));
         self.noise.begin_motion();
     }
 
@@ -271,6 +376,36 @@ impl GyroChip {
             Self::Spi(Shared::new(Icm42688pChip::new(clock.clone())))
         } else {
             Self::I2c(Shared::new(Bmi323Chip::new(clock.clone())))
+        }
+    }
+
+    /// Nominal conversions per second, as the firmware's driver sets the part up.
+    pub fn output_rate_hz(&self) -> u32 {
+        match self {
+            Self::Spi(_) => ICM42688P_RATE_HZ,
+            Self::I2c(_) => BMI323_RATE_HZ,
+        }
+    }
+
+    /// From the start of a burst to the moment at which the part hands its words out, µs.
+    pub fn read_us(&self) -> i32 {
+        match self {
+            Self::Spi(_) => ICM42688P_READ_US,
+            Self::I2c(_) => BMI323_READ_US,
+        }
+    }
+
+    fn converts_every_ns(&self, at_ns: u64) -> Option<u64> {
+        match self {
+            Self::Spi(chip) => chip.chip().converts_every_ns(at_ns),
+            Self::I2c(chip) => chip.chip().converts_every_ns(at_ns),
+        }
+    }
+
+    fn convert(&self, at_ns: u64, rate_rad_s: [f64; 3]) {
+        match self {
+            Self::Spi(chip) => chip.chip().convert(at_ns, rate_rad_s),
+            Self::I2c(chip) => chip.chip().convert(at_ns, rate_rad_s),
         }
     }
 

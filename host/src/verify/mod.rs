@@ -43,6 +43,7 @@ pub use window::Windows;
 use std::ops::Range;
 
 use crate::calibrate::Calibration;
+use crate::calibrate::data::instants::of_known_age;
 use crate::recording::Recording;
 use crate::robot::{ChannelKind, RobotError};
 use free_run::FreeRun;
@@ -135,10 +136,12 @@ pub fn predict(
     step: impl Fn(&'static str),
 ) -> Result<(Verification, Traces), VerifyError> {
     check(model, recording)?;
+    let known = of_known_age(recording);
+    let recording = known.as_ref();
     let t_s: Vec<f64> = (0..recording.len()).map(|k| recording.motion_time_s(k)).collect();
     let duty = model.inputs_as_they_act(&recording.duty, &recording.segments());
     let columns = columns(recording, &t_s, &duty);
-    let system = model.system();
+    let system = model.system_of(recording, &t_s);
 
     step("filtering");
     let track = filter::run(&system, &columns);
@@ -214,10 +217,12 @@ pub fn predict(
 /// [`VerifyError`].
 pub fn windows(model: &CalibratedModel, recording: &Recording) -> Result<Vec<Windows>, VerifyError> {
     check(model, recording)?;
+    let known = of_known_age(recording);
+    let recording = known.as_ref();
     let t_s: Vec<f64> = (0..recording.len()).map(|k| recording.motion_time_s(k)).collect();
     let duty = model.inputs_as_they_act(&recording.duty, &recording.segments());
     let columns = columns(recording, &t_s, &duty);
-    let system = model.system();
+    let system = model.system_of(recording, &t_s);
     let track = filter::run(&system, &columns);
     Ok(window::predict(&system, &columns, &track, &HORIZONS_S))
 }

@@ -14,7 +14,14 @@ use protocol::{
 /// A handshake of Doggy, with fixed versions so that its golden bytes only change with the format.
 pub fn hello() -> Hello {
     let encoder = |joint| EncoderInfo { joint, side: Side::Motor, counts_per_turn: 1024, gear: 42.092, offset_us: 0 };
-    let gyro = |body, offset_us| GyroInfo { body, rad_s_per_lsb: 0.001, saturated_at: 32_767, offset_us };
+    let gyro = |body, offset_us, output_rate_hz| GyroInfo {
+        body,
+        rad_s_per_lsb: 0.001,
+        saturated_at: 32_767,
+        offset_us,
+        filter_delay_us: Some(563),
+        output_rate_hz,
+    };
     Hello {
         identity: Identity {
             protocol_version: 1,
@@ -25,7 +32,7 @@ pub fn hello() -> Hello {
         layout: Layout::DOGGY,
         tick_us: 1000,
         encoders: (0..3).map(encoder).collect(),
-        gyros: [gyro(0, 40), gyro(2, 80)].into_iter().collect(),
+        gyros: [gyro(0, 40, Some(2000)), gyro(2, 80, None)].into_iter().collect(),
         zero: Some([-5, 0, 70_000].into_iter().collect()),
         reset: ResetReason::PowerOn,
         panic: None,
@@ -55,6 +62,7 @@ pub fn longest_hello() -> Hello {
         .collect();
     hello.gyros.iter_mut().for_each(|g| {
         (g.saturated_at, g.offset_us) = (u16::MAX, u16::MAX);
+        (g.filter_delay_us, g.output_rate_hz) = (Some(u16::MAX), Some(u16::MAX));
     });
     hello.zero = Some([i32::MIN; 14].into_iter().collect());
     hello.panic = Some(PanicPlace { file: text(&"f".repeat(40)), line: u32::MAX });

@@ -5,7 +5,7 @@
 
 use crate::examples;
 use protocol::{
-    Duty, Flags, Layout, MotionId, Sample,
+    Duty, Flags, GyroAge, Layout, MotionId, Sample,
     hello::SchemaKey,
     message::{MAX_TO_HOST_FRAME, write_report, write_sample, write_to_device},
 };
@@ -25,6 +25,7 @@ fn vectors() -> String {
         seq: 70_000,
         t_us: 70_000_250,
         gyros: [[52, 0, -23], [50, -2, -12]],
+        gyro_ages: [GyroAge::from_us(313), GyroAge::UNKNOWN],
         motion: MotionId(3),
         phase: 4,
         flags: Flags::ZEROED | Flags::RUNNING | Flags::DUTY_LIMITED,

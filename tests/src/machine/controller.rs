@@ -222,6 +222,7 @@ impl Machine {
             counters: std::array::from_fn(|motor| hardware[motor]),
             spi: spi.and_then(|answer| answer.try_into().ok()),
             i2c: i2c.and_then(|answer| answer.try_into().ok()),
+            ready_us: self.world.ready_us(),
             host: self.from_host.drain(..n).collect(),
             ..Sensors::default()
         };

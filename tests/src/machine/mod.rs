@@ -32,7 +32,7 @@ use std::sync::{Arc, Mutex};
 
 use ::host::effect::TrueValue;
 use ::host::robot::Robot;
-use ::host::simulate::{self, Drawn, Fault, Pace, SimulationReport, Simulator};
+use ::host::simulate::{self, Drawn, Fault, GyroChips, Pace, SimulationReport, Simulator};
 
 use tempfile::TempDir;
 
@@ -59,6 +59,8 @@ pub struct Options {
     pub mishaps: Vec<Mishap>,
     /// What goes wrong on the line.
     pub faults: Vec<Fault>,
+    /// Gyros convert when they are read and do not filter, though the image tells of real ones.
+    pub ideal_gyros: bool,
     /// The first gyro answers from so many ticks after power-on on; before, its lines are low.
     pub gyro1_from_tick: u32,
     /// The leads of this motor, from 0, are swapped.
@@ -92,6 +94,7 @@ impl Emulated {
         let robot = Robot::builtin("doggy").expect("the built-in robot is valid");
         let mut wanted = simulate::Options::new(robot);
         (wanted.seed, wanted.pace, wanted.faults) = (options.seed, Pace::Patient, options.faults.clone());
+        wanted.gyros = if options.ideal_gyros { GyroChips::Ideal } else { GyroChips::Real };
         let Drawn { world, truth, .. } = Drawn::new(&wanted).expect("the built-in robot can be simulated");
         let log = Arc::new(Mutex::new(Log::default()));
         let machine = Machine::start(world, options, Arc::clone(&log));

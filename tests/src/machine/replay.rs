@@ -1,7 +1,10 @@
 //! What the machine's pins showed, shown to the control core of this PC: both must do the same, byte for byte.
 
-use firmware::driver::{Bmi323, Icm42688p, QuadratureCounter};
+use firmware::driver::{
+    BMI323_RATE_HZ, BMI323_READ_US, Bmi323, ICM42688P_RATE_HZ, ICM42688P_READ_US, Icm42688p, QuadratureCounter,
+};
 use firmware::lockstep::{MOTORS, PINS_BROWN_OUT, PINS_EMERGENCY_STOP, Sensors};
+use firmware::wiring::data_ready::DataReady;
 use firmware::{Config, ControlCore, GyroInput, Inputs, Outputs};
 use host::simulate::{Bmi323Chip, Icm42688pChip, Shared};
 use protocol::Duty;
@@ -53,10 +56,17 @@ impl Replay {
     pub fn of(log: &Log, config: &Config) -> Self {
         let mut core = ControlCore::new(config);
         let mut counters = [const { QuadratureCounter::new(0) }; MOTORS];
+        let mut data_ready =
+            [DataReady::new(ICM42688P_RATE_HZ, ICM42688P_READ_US), DataReady::new(BMI323_RATE_HZ, BMI323_READ_US)];
         let (mut line, mut duty) = (Vec::new(), Vec::new());
         let mut preloaded = [Duty::ZERO; MOTORS];
         for period in &log.periods {
-            let outputs: Outputs = core.tick(period.t_us, &inputs(&period.sensors, &mut counters));
+            let mut inputs = inputs(&period.sensors, &mut counters);
+            for (index, ready) in data_ready.iter_mut().enumerate() {
+                let edge_us = period.sensors.ready_us[index].map(|since_us| period.t_us.wrapping_sub(since_us.into()));
+                inputs.gyro_ages[index] = ready.age(period.t_us, edge_us);
+            }
+            let outputs: Outputs = core.tick(period.t_us, &inputs);
             duty.push((preloaded, outputs.stop));
             preloaded = std::array::from_fn(|motor| outputs.duty[motor]);
             let mut out = [0; MAX_TO_HOST_FRAME];

@@ -4,9 +4,12 @@ use core::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
 use cortex_m::peripheral::NVIC;
 use firmware::constants::TICK_US;
-use firmware::driver::{Bmi323, Icm42688p, QuadratureCounter};
+use firmware::driver::{
+    BMI323_RATE_HZ, BMI323_READ_US, Bmi323, ICM42688P_RATE_HZ, ICM42688P_READ_US, Icm42688p, QuadratureCounter,
+};
 use firmware::lockstep::{Kind, MOTORS, Ordeal, PINS_BROWN_OUT, PINS_EMERGENCY_STOP, Request, Sensors, Tick};
 use firmware::wiring::absence::Absence;
+use firmware::wiring::data_ready::DataReady;
 use firmware::{GyroInput, Inputs, Outputs, wiring};
 use protocol::Duty;
 use stm32f4xx_hal::pac::Interrupt;
@@ -26,6 +29,8 @@ pub struct Pins {
     /// Whether each gyro is set up; if not, its bus is with `idle`.
     there: [bool; 2],
     absence: [Absence; 2],
+    data_ready: [DataReady; 2],
+    t_us: u32,
     exchange: Exchange<Bus>,
     armed: bool,
     sensors: Sensors,
@@ -52,6 +57,11 @@ impl Pins {
             counters: [const { QuadratureCounter::new(0) }; MOTORS],
             there,
             absence: Default::default(),
+            data_ready: [
+                DataReady::new(ICM42688P_RATE_HZ, ICM42688P_READ_US),
+                DataReady::new(BMI323_RATE_HZ, BMI323_READ_US),
+            ],
+            t_us: 0,
             exchange,
             armed: false,
             sensors: Sensors::default(),
@@ -78,6 +88,7 @@ impl wiring::Pins for Pins {
     fn begin(&mut self) -> u32 {
         let began = clock::now();
         let t_us = clock::begin_period();
+        self.t_us = t_us;
         if let Some(bus) = self.exchange.found.dequeue() {
             self.there[usize::from(bus.number() - 1)] = true;
         }
@@ -127,6 +138,10 @@ impl wiring::Pins for Pins {
         }
         for (input, gyro) in inputs.gyros.iter_mut().zip(self.gyros()) {
             *input = gyro;
+        }
+        for (index, ready) in self.data_ready.iter_mut().enumerate() {
+            let edge_us = self.sensors.ready_us[index].map(|since_us| self.t_us.wrapping_sub(since_us.into()));
+            inputs.gyro_ages[index] = ready.age(self.t_us, edge_us);
         }
         for (index, bus) in [Bus::Spi, Bus::I2c].into_iter().enumerate() {
             let has_reading = matches!(inputs.gyros[index], GyroInput::Words(_));

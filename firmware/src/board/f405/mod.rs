@@ -29,12 +29,15 @@ use cortex_m::Peripherals as Core;
 use cortex_m::singleton;
 use embedded_hal::delay::DelayNs;
 use firmware::driver::register::{Bmi323Register, Icm42688pRegister};
-use firmware::driver::{Bmi323, GyroError, Icm42688p};
+use firmware::driver::{
+    BMI323_RATE_HZ, BMI323_READ_US, Bmi323, GyroError, ICM42688P_RATE_HZ, ICM42688P_READ_US, Icm42688p,
+};
 use firmware::robot;
 use firmware::wiring::BUS_BOUND_US;
 use firmware::wiring::absence::Absence;
+use firmware::wiring::data_ready::DataReady;
 use firmware::{GyroInput, Inputs, Outputs, wiring};
-use protocol::Duty;
+use protocol::{Duty, GyroAge, MAX_GYROS};
 use stm32f4xx_hal::gpio::GpioExt;
 use stm32f4xx_hal::pac::Peripherals as Device;
 use stm32f4xx_hal::rcc::RccExt;
@@ -155,7 +158,7 @@ pub fn start(core: Core, device: Device) -> Board {
     };
 
     let (line_out, line_in) = line::start(device.USART1, port_a.pa9, port_a.pa10, &mut rcc);
-    let clock = Clock::start(device.TIM5, core.SYST, &mut rcc);
+    let clock = Clock::start(device.TIM5, core.SYST, (port_a.pa2, port_a.pa3), &mut rcc);
     let pins = Pins {
         clock,
         motors,
@@ -163,6 +166,11 @@ pub fn start(core: Core, device: Device) -> Board {
         spi,
         i2c,
         absence: Default::default(),
+        data_ready: [
+            DataReady::new(ICM42688P_RATE_HZ, ICM42688P_READ_US),
+            DataReady::new(BMI323_RATE_HZ, BMI323_READ_US),
+        ],
+        gyro_ages: Default::default(),
         exchange,
         supply,
         wrong_clock: source != Source::Crystal,
@@ -183,6 +191,9 @@ pub struct Pins {
     spi: Option<spi::Burst>,
     i2c: Option<i2c::Burst>,
     absence: [Absence; 2],
+    data_ready: [DataReady; 2],
+    /// Of the words that this period reads.
+    gyro_ages: [GyroAge; MAX_GYROS],
     exchange: Exchange<Bus>,
     supply: Supply,
     wrong_clock: bool,
@@ -207,6 +218,7 @@ impl wiring::Pins for Pins {
         self.running = true;
         let now_us = self.clock.begin(BUS_BOUND_US);
         self.encoders.latch();
+        let edges_us = self.clock.edges_us();
         if let Some(bus) = self.exchange.found.dequeue() {
             match bus {
                 Bus::Spi(spi) => self.spi = Some(spi::Burst::new(spi)),
@@ -215,6 +227,9 @@ impl wiring::Pins for Pins {
         }
         self.spi.iter_mut().for_each(spi::Burst::begin);
         self.i2c.iter_mut().for_each(i2c::Burst::begin);
+        for ((age, ready), edge_us) in self.gyro_ages.iter_mut().zip(&mut self.data_ready).zip(edges_us) {
+            *age = ready.age(now_us, edge_us);
+        }
         self.stopwatch.halt();
         now_us
     }
@@ -229,6 +244,7 @@ impl wiring::Pins for Pins {
             wrong_clock: self.wrong_clock,
             dropped: self.dropped,
             last_execution_us,
+            gyro_ages: self.gyro_ages,
             ..Inputs::default()
         };
         for (input, counts) in inputs.encoders.iter_mut().zip(self.encoders.counts()) {

@@ -2,9 +2,10 @@
 
 use std::ops::Range;
 
+use super::instants::GyroInstants;
 use super::stamps;
 use crate::recording::Recording;
-use crate::robot::{self, Robot};
+use crate::robot::{self, ChannelKind, Robot};
 
 /// Shorter runs between two gaps are left out: a lone sample does not determine its own speeds, and a few say nothing of
 /// the dynamics. With 1 % of the ticks missing they are half a percent of the samples.
@@ -34,6 +35,9 @@ pub struct Series {
     /// The stages at rest at the start of each recording.
     pub rest: Vec<Range<usize>>,
     joints: usize,
+    gyros: usize,
+    /// `[k · gyros + g]`: instant of each gyro's reading after the stage, s; empty where all are read as the description says.
+    instants_s: Vec<f64>,
 }
 
 /// The runs of a recording that are long enough.
@@ -67,16 +71,27 @@ impl Series {
             recordings: Vec::new(),
             segments: Vec::new(),
             rest: Vec::new(),
+            gyros: robot.gyros().count(),
+            instants_s: Vec::new(),
             channels,
             joints,
         };
-        for recording in recordings {
-            series.push(recording);
+        let offsets_s: Vec<f64> = robot.gyros().map(|gyro| gyro.offset_s).collect();
+        let instants: Vec<Vec<Option<GyroInstants>>> = recordings
+            .iter()
+            .map(|r| {
+                offsets_s.iter().enumerate().map(|(gyro, offset_s)| GyroInstants::of(r, gyro, *offset_s)).collect()
+            })
+            .collect();
+        let timed = instants.iter().flatten().any(Option::is_some);
+        for (recording, instants) in recordings.iter().zip(&instants) {
+            series.push(recording, timed.then_some((instants, &offsets_s)));
         }
         series
     }
 
-    fn push(&mut self, recording: &Recording) {
+    /// With the instants of gyros and the offsets of those that have none, where any recording has some.
+    fn push(&mut self, recording: &Recording, instants: Option<(&Vec<Option<GyroInstants>>, &Vec<f64>)>) {
         let first = self.stages();
         let rest = recording.rest_window();
         let mut at_rest = 0;
@@ -86,6 +101,9 @@ impl Series {
             let start = self.stages();
             for k in segment.clone() {
                 self.measured.extend(recording.channels.iter().map(|c| c.values[k]));
+                if let Some((instants, offsets_s)) = instants {
+                    self.place_gyros(recording, (instants, offsets_s), (k, &segment), &times_us);
+                }
                 self.input.extend(recording.duty.iter().map(|duty| duty[k]));
                 let last = k + 1 == segment.end;
                 let step_us = if last { f64::NAN } else { times_us[k + 1] - times_us[k] };
@@ -97,6 +115,27 @@ impl Series {
         }
         self.recordings.push(first..self.stages());
         self.rest.push(first..first + at_rest);
+    }
+
+    /// Puts the readings of gyros that belong to sample k into the last stage.
+    fn place_gyros(
+        &mut self,
+        recording: &Recording,
+        (instants, offsets_s): (&[Option<GyroInstants>], &[f64]),
+        (k, run): (usize, &Range<usize>),
+        times_us: &[f64],
+    ) {
+        let stage = self.measured.len() - self.channels.len();
+        let first = self.instants_s.len();
+        self.instants_s.extend_from_slice(offsets_s);
+        for (channel, spec) in self.channels.iter().enumerate() {
+            let ChannelKind::GyroAxis { gyro, .. } = spec.kind else { continue };
+            let Some(instants) = &instants[gyro] else { continue };
+            let reading = instants.reading(k, run, times_us);
+            self.measured[stage + channel] =
+                reading.map_or(f64::NAN, |(from, _)| recording.channels[channel].values[from]);
+            self.instants_s[first + gyro] = reading.map_or(0.0, |(_, after_s)| after_s);
+        }
     }
 
     /// About so many stages in so many windows spread over all recordings, with the start of their rest, as a series of their own; none
@@ -145,6 +184,8 @@ impl Series {
             rest: Vec::new(),
             channels: self.channels.clone(),
             joints: self.joints,
+            gyros: self.gyros,
+            instants_s: Vec::new(),
         };
         for ((recording, at_rest), moving) in self.recordings.iter().zip(&self.rest).zip(self.moving(rest)) {
             let first = part.stages();
@@ -179,6 +220,9 @@ impl Series {
             }
             self.duration_s.extend_from_slice(&from.duration_s[run.clone()]);
             self.time_s.extend_from_slice(&from.time_s[run.clone()]);
+            if !from.instants_s.is_empty() {
+                self.instants_s.extend_from_slice(&from.instants_s[run.start * from.gyros..run.end * from.gyros]);
+            }
             if let Some(last) = self.duration_s.last_mut() {
                 *last = f64::NAN;
             }
@@ -199,6 +243,7 @@ impl Series {
             segments: Vec::new(),
             rest: Vec::new(),
             channels: self.channels.clone(),
+            instants_s: Vec::new(),
             ..*self
         };
         let (mut starts, mut places) = (Vec::new(), Vec::new());
@@ -251,6 +296,7 @@ impl Series {
             segments: Vec::new(),
             rest: Vec::new(),
             channels: self.channels.clone(),
+            instants_s: Vec::new(),
             ..*self
         };
         for (recording, rest) in self.recordings.iter().zip(&self.rest) {
@@ -285,6 +331,8 @@ impl Series {
             recordings: std::iter::once(0..stages).collect(),
             segments: std::iter::once(0..stages).collect(),
             rest: std::iter::once(0..rest).collect(),
+            gyros: robot.gyros().count(),
+            instants_s: Vec::new(),
             channels,
             joints,
         }
@@ -299,6 +347,24 @@ impl Series {
         self.duration_s[gap] = f64::NAN;
         let stages = self.stages();
         self.segments = vec![0..gap + 1, gap + 1..stages];
+    }
+
+    /// Instants of gyros' readings as `of(stage, gyro)` says.
+    #[cfg(test)]
+    pub(crate) fn with_instants(mut self, of: impl Fn(usize, usize) -> f64) -> Self {
+        let all = (0..self.stages()).flat_map(|k| (0..self.gyros).map(move |gyro| (k, gyro)));
+        self.instants_s = all.map(|(k, gyro)| of(k, gyro)).collect();
+        self
+    }
+
+    /// The instant of a gyro's reading after stage k, s, if it is not the description's.
+    pub fn instant_s(&self, k: usize, gyro: usize) -> Option<f64> {
+        self.instants_s.get(k * self.gyros + gyro).copied()
+    }
+
+    /// Whether gyros have instants of their own.
+    pub fn has_instants(&self) -> bool {
+        !self.instants_s.is_empty()
     }
 
     /// Number of stages.

@@ -347,6 +347,7 @@ fn reason(
                 Symbol::KS | Symbol::DS => {
                     format!("the belt of {name} never wound more than {windup:.1e} {unit}: {told}")
                 }
+                Symbol::Lag { .. } => format!("this motion turns the gyros too little: {told}"),
                 _ => format!("{name} never turned faster than {speed:.1e} {unit}/s: {told}"),
             }
         }

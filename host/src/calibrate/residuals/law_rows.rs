@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 
 use super::point::Point;
 use super::problem::{Problem, Scratch};
-use super::row::{Depends, Row};
+use super::row::{Depends, Late, Row};
 use super::row_plan::{GyroRow, ScalarRow};
 use crate::model::Input;
 use crate::model::rotation::skew;
@@ -96,7 +96,7 @@ impl<'m> Problem<'m> {
             weight: scalar.weight,
             depends: Depends::Free {
                 states: &[(scalar.component, by_position), (speed, by_speed + scalar.offset_s * by_position)],
-                offset_s: 0.0,
+                late: Late { offset_s: 0.0, lag: None, start: &scratch.linear, halfway: &scratch.linear },
                 border: &reading.by_z,
             },
             linear: &scratch.linear,
@@ -109,18 +109,17 @@ impl<'m> Problem<'m> {
         point: &Point<'m>,
         k: usize,
         (gyro, value): (&GyroRow, &Vector3<f64>),
+        (offset_s, lag): (f64, Option<usize>),
         (scratch, with_slopes): (&Scratch, bool),
         row: &mut impl FnMut(Row<'_>),
     ) {
-        let (x, recording) = (point.state(k), self.series.recording_of(k));
+        let recording = self.series.recording_of(k);
         let (frame, m) = (&scratch.frame, self.model.layout().chain());
+        let late = Late { offset_s, lag, start: &scratch.gyro_start, halfway: &scratch.gyro_halfway };
         let rotation = &point.rotations[gyro.gyro];
         let lagging = self.model.lagging(gyro.gyro);
         let omega = match lagging {
-            Some(first) => Vector3::from_fn(|axis, _| {
-                let late = if gyro.offset_s == 0.0 { 0.0 } else { gyro.offset_s * scratch.linear.xdot[first + axis] };
-                x[first + axis] + late
-            }),
+            Some(first) => Vector3::from_column_slice(&scratch.at[first..first + 3]),
             None => frame.rate(gyro.body),
         };
         let at = (gyro.gyro, self.series.time_s(k));
@@ -145,7 +144,7 @@ impl<'m> Problem<'m> {
                 channel: Some(gyro.channel + axis),
                 residual: reading.value[axis] - value[axis],
                 weight: gyro.weight[axis],
-                depends: Depends::Free { states: &states, offset_s: gyro.offset_s, border: &border },
+                depends: Depends::Free { states: &states, late, border: &border },
                 linear: &scratch.linear,
             });
         }

@@ -6,6 +6,7 @@ pub(crate) mod noise;
 pub(crate) mod point;
 pub(crate) mod preset;
 pub(crate) mod problem;
+pub(crate) mod rigid_base;
 pub(crate) mod robot_scale;
 pub(crate) mod row;
 pub(crate) mod row_plan;

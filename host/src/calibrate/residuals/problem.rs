@@ -3,15 +3,13 @@
 //! ```text
 //! stage k            row                                          weight
 //! encoder            z − θ(t + offset)                            1/σ of the channel      (20)
-//! gyro, default      z − (R ω_body(q, q̇) + bias)                  1/σ of the channel
+//! gyro, default      z − (R ω_body(q, q̇)(instant − lag) + bias)   1/σ of the channel
 //! gyro, paper        rows (22), (25)–(26), (32): see `chained`
 //! first of a run     q − θ, and at rest q̇, θ̇                      initial noise           (30)
 //! k → k+1            x[k+1] = φ(x[k], u[k], z)                    1/process noise         (31)
 //! ```
 
 use std::ops::Range;
-
-use nalgebra::Vector3;
 
 use super::noise::Noise;
 use super::point::{BorderLayout, Point};
@@ -43,7 +41,7 @@ pub struct Problem<'m> {
     /// What all rows of each stage are multiplied by; empty where that is one.
     pub(crate) stage_weights: Vec<f64>,
     /// Whether a channel is read after the tick's start, so that rows need the accelerations.
-    late: bool,
+    pub(crate) late: bool,
     /// The longest step.
     longest_s: f64,
     /// Whether rows of sensors are made by the generic walk: where they are late, or laws change what they read.
@@ -61,10 +59,13 @@ pub struct Scratch {
     pub(crate) linear: Linear,
     pub(crate) frame: SensorFrame,
     pub(crate) next: Vec<f64>,
-    /// State and its derivative at the instant of a reading.
+    /// The state at the instant of a gyro's reading, the dynamics at the stage under the input that is in force there, and halfway between.
     pub(crate) at: Vec<f64>,
+    pub(crate) gyro_start: Linear,
+    pub(crate) gyro_halfway: Linear,
+    pub(crate) halfway: Vec<f64>,
     /// The inputs where they are late, and their derivatives.
-    late_input: [Vec<f64>; 2],
+    pub(crate) late_input: [Vec<f64>; 2],
     pub(crate) quads: StageQuads,
 }
 
@@ -78,7 +79,12 @@ impl<'m> Problem<'m> {
             recordings: series.recordings.len(),
         };
         let rows = RowPlan::of(series, model, assumptions.gyro_rows);
-        let late = rows.scalars.iter().any(|r| r.offset_s != 0.0) || rows.gyros.iter().any(|r| r.offset_s != 0.0);
+        let own_instants = assumptions.gyro_rows == GyroRows::RigidBase
+            && !rows.gyros.is_empty()
+            && (series.has_instants() || model.has_gyro_lags());
+        let late = rows.scalars.iter().any(|r| r.offset_s != 0.0)
+            || rows.gyros.iter().any(|r| r.offset_s != 0.0)
+            || own_instants;
         let sensor_laws = SensorLaws::of(model, border.gyros);
         let walks_sensors = late || sensor_laws.see_any();
         let fast = Fast::of(model);
@@ -218,72 +224,6 @@ impl<'m> Problem<'m> {
         match self.assumptions.gyro_rows {
             GyroRows::RigidBase => self.rigid_base_rows(point, k, scratch, with_slopes, row),
             GyroRows::Chained => self.chained_rows(point, k, scratch, with_slopes, row),
-        }
-    }
-
-    /// All axes of all gyros from the state on a base at rest.
-    fn rigid_base_rows(
-        &self,
-        point: &Point<'m>,
-        k: usize,
-        scratch: &mut Scratch,
-        with_slopes: bool,
-        row: &mut impl FnMut(Row<'_>),
-    ) {
-        let n = self.model.layout().chain();
-        let x = point.state(k);
-        let measured = self.series.measured(k);
-        let recording = self.series.recording_of(k);
-        let mut evaluated_at = f64::NAN;
-        for gyro in &self.rows.gyros {
-            let value = Vector3::from_column_slice(&measured[gyro.channel..gyro.channel + 3]);
-            if value.iter().all(|v| v.is_nan()) {
-                continue;
-            }
-            if gyro.offset_s != evaluated_at {
-                evaluated_at = gyro.offset_s;
-                let Scratch { at, linear, frame, .. } = scratch;
-                at.clear();
-                at.extend_from_slice(&x[..2 * n]);
-                if gyro.offset_s != 0.0 {
-                    for (at, xdot) in at.iter_mut().zip(&linear.xdot) {
-                        *at += gyro.offset_s * xdot;
-                    }
-                }
-                let (q, qd) = at.split_at(n);
-                if with_slopes {
-                    frame.linearise(self.model.chain(), q, qd);
-                } else {
-                    frame.rates(self.model.chain(), q, qd);
-                }
-            }
-            if self.law_sees_gyro(gyro.gyro) {
-                self.gyro_law_rows(point, k, (gyro, &value), (scratch, with_slopes), row);
-                continue;
-            }
-            let rotation = &point.rotations[gyro.gyro];
-            let (predicted, slopes) = scratch.frame.gyro(gyro.body, rotation, &point.biases[recording][gyro.gyro]);
-            for axis in 0..3 {
-                if value[axis].is_nan() {
-                    continue;
-                }
-                let sensor_axis: [f64; 3] = std::array::from_fn(|j| rotation[(axis, j)]);
-                row(Row {
-                    channel: Some(gyro.channel + axis),
-                    residual: predicted[axis] - value[axis],
-                    weight: gyro.weight[axis],
-                    depends: Depends::BodyRate {
-                        frame: &scratch.frame,
-                        body: gyro.body,
-                        sensor_axis,
-                        offset_s: gyro.offset_s,
-                        bias: self.border.bias(recording, gyro.gyro) + axis,
-                        rotation: self.border.rotation(gyro.gyro),
-                        by_rotation: std::array::from_fn(|j| slopes.by_rotation[(axis, j)]),
-                    },
-                    linear: &scratch.linear,
-                });
-            }
         }
     }
 
@@ -464,6 +404,9 @@ impl<'m> LeastSquares for Problem<'m> {
             frame: SensorFrame::default(),
             next: vec![0.0; self.model.layout().size()],
             at: Vec::new(),
+            gyro_start: Linear::default(),
+            gyro_halfway: Linear::default(),
+            halfway: Vec::new(),
             late_input: [Vec::new(), Vec::new()],
             quads: StageQuads::default(),
         }

@@ -29,13 +29,13 @@ pub(crate) struct Row<'a> {
 pub(crate) enum Depends<'a> {
     /// One state component, `offset_s` later.
     Component { component: usize, offset_s: f64 },
-    /// One axis of a gyro on a base at rest, `offset_s` later.
+    /// One axis of a gyro on a base at rest.
     BodyRate {
         frame: &'a SensorFrame,
         body: usize,
         /// Row of R.
         sensor_axis: [f64; 3],
-        offset_s: f64,
+        late: Late<'a>,
         /// Border columns.
         bias: usize,
         rotation: usize,
@@ -43,8 +43,25 @@ pub(crate) enum Depends<'a> {
     },
     /// Anything else that depends on what sensors see, written out: (state component, slope) and (border column, slope).
     Listed { states: &'a [(usize, f64)], border: &'a [(usize, f64)] },
-    /// Anything at all, `offset_s` later.
-    Free { states: &'a [(usize, f64)], offset_s: f64, border: &'a [(usize, f64)] },
+    /// Anything at all.
+    Free { states: &'a [(usize, f64)], late: Late<'a>, border: &'a [(usize, f64)] },
+}
+
+/// By how much a gyro's reading is later than its stage.
+#[derive(Clone, Copy)]
+pub(crate) struct Late<'a> {
+    pub offset_s: f64,
+    /// The column of the gyro's lag, if that is estimated.
+    pub lag: Option<usize>,
+    /// The dynamics at the stage, and halfway to the reading.
+    pub start: &'a Linear,
+    pub halfway: &'a Linear,
+}
+
+impl Late<'_> {
+    fn is_late(&self) -> bool {
+        self.offset_s != 0.0 || self.lag.is_some()
+    }
 }
 
 impl Row<'_> {
@@ -52,7 +69,8 @@ impl Row<'_> {
     pub(crate) fn kind(&self) -> usize {
         match self.depends {
             Depends::Component { offset_s: 0.0, .. } => 0,
-            Depends::BodyRate { offset_s: 0.0, .. } | Depends::Listed { .. } => 1,
+            Depends::BodyRate { late, .. } if !late.is_late() => 1,
+            Depends::Listed { .. } => 1,
             Depends::Component { .. } | Depends::BodyRate { .. } | Depends::Free { .. } => 2,
         }
     }
@@ -65,12 +83,18 @@ impl Row<'_> {
             Depends::Component { component, offset_s } => {
                 self.add_later(weight, component, offset_s, size, &mut stage.row(residual));
             }
-            Depends::BodyRate { frame, body, sensor_axis, offset_s, bias, rotation, by_rotation } => {
-                let mut row = if offset_s == 0.0 { stage.sensor_row(residual) } else { stage.row(residual) };
-                for column in 0..2 * joints {
-                    let slope = frame.slope(body, column).dot(&Vector3::from(sensor_axis));
-                    if slope != 0.0 {
-                        self.add_later(weight * slope, column, offset_s, size, &mut row);
+            Depends::BodyRate { frame, body, sensor_axis, late, bias, rotation, by_rotation } => {
+                let mut row = if late.is_late() { stage.row(residual) } else { stage.sensor_row(residual) };
+                let slope = |column| frame.slope(body, column).dot(&Vector3::from(sensor_axis));
+                if late.is_late() {
+                    let states = (0..2 * joints).map(|column| (column, weight * slope(column)));
+                    Self::add_at(states, late, size, &mut row);
+                } else {
+                    for column in 0..2 * joints {
+                        let slope = slope(column);
+                        if slope != 0.0 {
+                            row.add_state(column, weight * slope);
+                        }
                     }
                 }
                 row.add_shared(bias, weight);
@@ -78,11 +102,14 @@ impl Row<'_> {
                     row.add_shared(rotation + axis, weight * slope);
                 }
             }
-            Depends::Free { states, offset_s, border } => {
+            Depends::Free { states, late, border } => {
                 let mut row = stage.row(residual);
-                for &(component, slope) in states {
-                    self.add_later(weight * slope, component, offset_s, size, &mut row);
-                }
+                Self::add_at(
+                    states.iter().map(|(component, slope)| (*component, weight * slope)),
+                    late,
+                    size,
+                    &mut row,
+                );
                 for &(column, slope) in border {
                     row.add_shared(column, weight * slope);
                 }
@@ -96,6 +123,42 @@ impl Row<'_> {
                     row.add_shared(column, weight * slope);
                 }
             }
+        }
+    }
+
+    /// Σ slope · δ(component of x + h f(x + h/2 f(x))), h the time from the stage to the reading; and by the lag, which takes from h.
+    fn add_at(states: impl Iterator<Item = (usize, f64)>, late: Late<'_>, size: usize, row: &mut solve::Row<'_>) {
+        let Late { offset_s, lag, start, halfway } = late;
+        if !late.is_late() {
+            states.for_each(|(component, slope)| row.add_state(component, slope));
+            return;
+        }
+        let columns = start.slopes.len() / size;
+        let times = |slopes: &[f64], linear: &Linear, to: &mut [f64]| {
+            for (slope, by) in slopes.iter().zip(linear.slopes.chunks_exact(columns)) {
+                if *slope != 0.0 {
+                    to.iter_mut().zip(by).for_each(|(to, by)| *to += slope * by);
+                }
+            }
+        };
+        let mut scratch = vec![0.0; size + 2 * columns];
+        let (slopes, rest) = scratch.split_at_mut(size);
+        let (first, second) = rest.split_at_mut(columns);
+        states.for_each(|(component, slope)| slopes[component] += slope);
+        times(slopes, halfway, first);
+        times(&first[..size], start, second);
+        let by = |column: usize| offset_s * (first[column] + 0.5 * offset_s * second[column]);
+        for (component, slope) in slopes.iter().enumerate() {
+            row.add_state(component, slope + by(component));
+        }
+        for column in size..columns {
+            row.add_shared(column - size, by(column));
+        }
+        if let Some(lag) = lag {
+            let along = |slopes: &[f64], linear: &Linear| -> f64 {
+                slopes.iter().zip(&linear.xdot).map(|(slope, rate)| slope * rate).sum()
+            };
+            row.add_shared(lag, -along(slopes, halfway) - 0.5 * offset_s * along(&first[..size], start));
         }
     }
 

@@ -75,6 +75,9 @@ pub struct Calibration {
     /// What does not fit, in sentences.
     #[serde(default)]
     pub misfit: Vec<String>,
+    /// What else a reader of the result should know, in sentences.
+    #[serde(default)]
+    pub notes: Vec<String>,
     /// How residuals scatter between blocks of time; none where there are too few blocks.
     #[serde(default)]
     pub scatter: Option<BlockScatter>,

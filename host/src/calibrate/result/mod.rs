@@ -5,3 +5,4 @@ pub(crate) mod channels;
 pub(crate) mod fitted;
 pub(crate) mod misfit;
 pub(crate) mod summary;
+pub(crate) mod untold_ages;

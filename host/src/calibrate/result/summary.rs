@@ -174,6 +174,7 @@ pub(crate) fn summarise<'m>(
         noise,
         fit,
         misfit: Vec::new(),
+        notes: Vec::new(),
         scatter: None,
         first_states: problem.series.recordings.iter().map(|range| end.state(range.start).to_vec()).collect(),
     }

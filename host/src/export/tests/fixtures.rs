@@ -111,6 +111,7 @@ pub fn calibration(robot: &Robot, extensions: &[&str]) -> Calibration {
         noise: noise.collect(),
         fit: Vec::new(),
         misfit: Vec::new(),
+        notes: Vec::new(),
         scatter: None,
         first_states: Vec::new(),
     }

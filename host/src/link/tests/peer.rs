@@ -125,7 +125,14 @@ impl Drop for Peer {
 /// A handshake of Doggy.
 pub fn doggy() -> Hello {
     let encoder = |joint| EncoderInfo { joint, side: Side::Motor, counts_per_turn: 1024, gear: 42.092, offset_us: 0 };
-    let gyro = |body| GyroInfo { body, rad_s_per_lsb: 0.001, saturated_at: 32_767, offset_us: 0 };
+    let gyro = |body| GyroInfo {
+        body,
+        rad_s_per_lsb: 0.001,
+        saturated_at: 32_767,
+        offset_us: 0,
+        filter_delay_us: None,
+        output_rate_hz: None,
+    };
     Hello {
         identity: Identity::ours("0.1.0", "doggy"),
         layout: Layout::DOGGY,

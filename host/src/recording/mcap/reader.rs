@@ -227,6 +227,7 @@ impl Parser {
                 motion: motion.transpose()?,
                 zero_rad: about.zero_rad,
                 firmware: about.firmware,
+                gyro_times: about.gyro_times,
                 imported_from: about.imported_from,
                 period_s: about.period_s.filter(|period_s| period_s.is_finite() && *period_s > 0.0),
             }));

@@ -3,8 +3,11 @@
 use serde::{Deserialize, Serialize};
 
 use super::protobuf::{Encoder, Fields, Kind, MessageType, NoMessage, Value};
-use crate::recording::{Event, Firmware, LogLevel, LogLine, LossBalance, NO_PHASE, Place, Row, Severity, Source, Tick};
+use crate::recording::{
+    Event, Firmware, GyroTime, LogLevel, LogLine, LossBalance, NO_PHASE, Place, Row, Severity, Source, Tick,
+};
 use crate::robot::Robot;
+use protocol::MAX_GYROS;
 
 pub(super) const SAMPLE: (&str, &str) = ("/sample", "recording.Sample");
 pub(super) const EVENT: (&str, &str) = ("/event", "recording.Event");
@@ -34,11 +37,17 @@ const LOG_FIELDS: [(&str, Kind); 5] = [
 const BALANCE_FIELDS: [&str; 8] =
     ["ticks", "received", "missing", "device_dropped", "host_dropped", "line_lost", "damaged_frames", "closed"];
 
+/// Behind the columns, one for each gyro; files of devices that told no ages have none.
+const AGE_FIELDS: [&str; MAX_GYROS] = ["gyro1_age_us", "gyro2_age_us"];
+
 pub(super) fn sample_type(robot: &Robot) -> MessageType {
     let columns = robot.columns();
+    let ages = AGE_FIELDS.into_iter().take(robot.gyros().count());
     MessageType::new(
         SAMPLE.1,
-        TICK_FIELDS.into_iter().chain(columns[1..].iter().map(|name| (name.as_str(), Kind::Double))),
+        TICK_FIELDS
+            .into_iter()
+            .chain(columns[1..].iter().map(|name| name.as_str()).chain(ages).map(|name| (name, Kind::Double))),
     )
 }
 
@@ -54,7 +63,8 @@ pub(super) fn balance_type() -> MessageType {
     MessageType::new(BALANCE.1, BALANCE_FIELDS.map(|name| (name, Kind::Unsigned)))
 }
 
-pub(super) fn encode_sample<'a>(encoder: &'a mut Encoder, row: &Row<'_>) -> &'a [u8] {
+/// A row of a robot with so many gyros.
+pub(super) fn encode_sample<'a>(encoder: &'a mut Encoder, row: &Row<'_>, gyros: usize) -> &'a [u8] {
     encoder
         .clear()
         .unsigned(1, row.t_us)
@@ -63,7 +73,8 @@ pub(super) fn encode_sample<'a>(encoder: &'a mut Encoder, row: &Row<'_>) -> &'a 
         .unsigned(4, row.tick.flags.into())
         .double(5, row.tick.execution_us)
         .double(6, row.tick.jitter_us);
-    for (number, &value) in (TICK_FIELDS.len() as u32 + 1..).zip(row.duty.iter().chain(row.values)) {
+    let ages = row.tick.gyro_ages_us.iter().take(gyros);
+    for (number, &value) in (TICK_FIELDS.len() as u32 + 1..).zip(row.duty.iter().chain(row.values).chain(ages)) {
         encoder.double(number, value);
     }
     encoder.bytes()
@@ -111,6 +122,7 @@ enum Slot {
     Unknown,
     Tick(usize),
     Column(usize),
+    Age(usize),
 }
 
 /// Decodes samples by the schema that stands in the file: fields may come in another order and there may be more.
@@ -118,6 +130,8 @@ enum Slot {
 pub(super) struct SampleDecoder {
     joints: usize,
     slots: Vec<Slot>, // by field number
+    /// Ages of a sample in which they are left out.
+    ages: [f64; MAX_GYROS],
     columns: Vec<f64>,
 }
 
@@ -148,18 +162,27 @@ impl SampleDecoder {
         for (index, name) in names.iter().enumerate() {
             place(name, Kind::Double, Slot::Column(index))?;
         }
-        Ok(Self { joints: robot.joints.len(), slots, columns: vec![0.0; names.len()] })
+        for (index, name) in AGE_FIELDS.into_iter().enumerate().take(robot.gyros().count()) {
+            // Older files do not have it.
+            let _ = place(name, Kind::Double, Slot::Age(index));
+        }
+        // Of a file that has ages, one that is left out is zero.
+        let has = |index: usize| slots.contains(&Slot::Age(index));
+        let ages = std::array::from_fn(|index| if has(index) { 0.0 } else { f64::NAN });
+        Ok(Self { joints: robot.joints.len(), ages, slots, columns: vec![0.0; names.len()] })
     }
 
     /// The sample in `bytes`. A field that is left out is zero, as protobuf has it.
     pub(super) fn decode(&mut self, bytes: &[u8]) -> Result<Row<'_>, NoMessage> {
         let (mut whole, mut real) = ([0, 0, NO_PHASE.into(), 0], [0.0; 2]);
+        let mut gyro_ages_us = self.ages;
         self.columns.fill(0.0);
         for field in Fields::of(bytes) {
             let (number, value) = field?;
             match (self.slots.get(number as usize), value) {
                 (Some(&Slot::Tick(index @ 0..4)), Value::Unsigned(value)) => whole[index] = value,
                 (Some(&Slot::Tick(index @ 4..)), Value::Double(value)) => real[index - 4] = value,
+                (Some(&Slot::Age(index)), Value::Double(value)) => gyro_ages_us[index] = value,
                 (Some(&Slot::Column(index)), Value::Double(value)) => self.columns[index] = value,
                 (Some(Slot::Unknown) | None, _) => {}
                 _ => return Err(NoMessage),
@@ -175,6 +198,7 @@ impl SampleDecoder {
                 flags: u16::try_from(flags).map_err(|_| NoMessage)?,
                 execution_us: real[0],
                 jitter_us: real[1],
+                gyro_ages_us,
             },
             duty,
             values,
@@ -248,6 +272,9 @@ pub(super) struct SessionFile {
     pub motion: Option<String>,
     pub zero_rad: Vec<f64>,
     pub firmware: Option<Firmware>,
+    /// Empty in files of devices that told nothing of their gyros' clocks.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub gyro_times: Vec<GyroTime>,
     pub imported_from: Option<Source>,
     /// The recording's own period, s; the robot's if left out.
     #[serde(default, skip_serializing_if = "Option::is_none")]

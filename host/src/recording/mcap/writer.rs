@@ -80,6 +80,8 @@ pub struct Writer<W: Write> {
     file: mcap::Writer<NoSeek<W>>,
     order: Order,
     encoder: Encoder,
+    /// Of the robot.
+    gyros: usize,
     sample: u16,
     event: u16,
     log: u16,
@@ -120,6 +122,7 @@ impl<W: Write> Writer<W> {
             motion: session.motion.as_ref().map(|motion| motion.name.clone()),
             zero_rad: session.zero_rad.clone(),
             firmware: session.firmware.clone(),
+            gyro_times: session.gyro_times.clone(),
             imported_from: session.imported_from.clone(),
             period_s: session.period_s,
         };
@@ -139,6 +142,7 @@ impl<W: Write> Writer<W> {
             file,
             order: Order::new(session.robot.joints.len(), session.robot.channels().len()),
             encoder: Encoder::default(),
+            gyros: session.robot.gyros().count(),
             sample,
             event,
             log,
@@ -156,7 +160,7 @@ impl<W: Write> Writer<W> {
         self.order.accept(row)?;
         self.last = (row.t_us, row.seq);
         let header = header(self.sample, row.t_us, row.seq);
-        self.file.write_to_known_channel(&header, schema::encode_sample(&mut self.encoder, row))?;
+        self.file.write_to_known_channel(&header, schema::encode_sample(&mut self.encoder, row, self.gyros))?;
         if row.t_us.saturating_sub(*self.flushed_us.get_or_insert(row.t_us)) >= FLUSH_US {
             self.flush()?;
         }

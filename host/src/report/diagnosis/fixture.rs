@@ -147,6 +147,7 @@ fn calibration() -> Calibration {
             left_out: 0,
         }],
         misfit: Vec::new(),
+        notes: Vec::new(),
         scatter: None,
         fit: vec![Fit { channel: "encoder2".into(), rms: Some(1e-3), nrmse: None }],
         first_states: Vec::new(),

@@ -14,7 +14,7 @@ use super::{
     RobotError, Side, Symbol, Transmission, Unmodelled,
 };
 use checks::{by_kind, by_kind_with, finite, identifier, not_negative, positive, rotation, unit_vector, within};
-use sensors::{encoder_parameters, gyro_parameters, same_place, sensor};
+use sensors::{encoder_parameters, gyro_parameters, lag_parameters, same_place, sensor};
 
 type Checked<T> = Result<T, RobotError>;
 
@@ -61,6 +61,7 @@ pub(super) fn robot(file: RobotFile, text: &str) -> Checked<Robot> {
         sensors.push(sensor);
     }
     parameters.extend(encoder_parameters(&sensors, &joints));
+    parameters.extend(lag_parameters(&sensors));
     parameters.extend(gyro_parameters(&sensors));
     let mut robot = Robot {
         name: file.name,
@@ -361,7 +362,9 @@ fn entry(table: &ParameterTable, symbol: Symbol) -> Option<StartOrFixed<f64>> {
         Symbol::FirstMoment { axis: 0 } => table.mx,
         Symbol::FirstMoment { axis: 1 } => table.my,
         Symbol::FirstMoment { .. } => table.mz,
-        Symbol::Bias { .. } | Symbol::Misalignment { .. } | Symbol::Zero | Symbol::ScaleError => None,
+        Symbol::Bias { .. } | Symbol::Misalignment { .. } | Symbol::Lag { .. } | Symbol::Zero | Symbol::ScaleError => {
+            None
+        }
     }
 }
 

@@ -36,6 +36,21 @@ pub(super) fn gyro_parameters(sensors: &[Sensor]) -> Vec<ParameterSpec> {
     specs
 }
 
+/// The lags of gyros that have one.
+pub(super) fn lag_parameters(sensors: &[Sensor]) -> Vec<ParameterSpec> {
+    let gyros = sensors.iter().filter_map(|sensor| match sensor {
+        Sensor::Gyro(gyro) => Some(gyro),
+        _ => None,
+    });
+    let lags = gyros.enumerate().filter_map(|(gyro, sensor)| {
+        let symbol = Symbol::Lag { gyro };
+        let unit = symbol.unit(JointKind::Revolute);
+        let name = format!("{}{}", symbol.name(), gyro + 1);
+        Some(ParameterSpec { name, symbol, joints: vec![sensor.body], unit, value: sensor.lag_s? })
+    });
+    lags.collect()
+}
+
 /// Zeros and scale errors of link encoders that do not count as their motor's does.
 pub(super) fn encoder_parameters(sensors: &[Sensor], joints: &[Joint]) -> Vec<ParameterSpec> {
     let of = |symbol: Symbol| {
@@ -76,7 +91,7 @@ pub(super) fn sensor(at: &str, table: &SensorTable, joints: &[Joint], period_s: 
         SensorKind::MotorEncoder => &["counts_per_turn", "sigma_rad", "sigma_m"],
         SensorKind::LinkEncoder => &["counts_per_turn", "sigma_rad", "sigma_m", "zero_rad", "zero_m", "scale_error"],
         SensorKind::Tachometer => &["side", "sigma_rad_s", "sigma_m_s"],
-        SensorKind::Gyro => &["rotation", "bias_rad_s", "sigma_rad_s", "range_rad_s"],
+        SensorKind::Gyro => &["rotation", "bias_rad_s", "sigma_rad_s", "range_rad_s", "lag_s"],
     };
     if let Some(stray) = given_fields(table).find(|field| !allowed.contains(field)) {
         let advice = format!("a {} has no such field; it takes {}", table.kind.name(), allowed.join(", "));
@@ -149,6 +164,26 @@ fn scale_error(at: &str, table: &SensorTable) -> Checked<Option<Parameter>> {
     Ok(Some(Parameter { start, free, simulated }))
 }
 
+/// A filter of 10 Hz has 23 ms.
+const MOST_LAG_S: f64 = 0.05;
+
+fn lag(at: &str, table: &SensorTable) -> Checked<Option<Parameter>> {
+    let Some(given) = table.lag_s else { return Ok(None) };
+    let field = format!("{at}.lag_s");
+    let (start, free) = start_or_fixed(&field, given)?;
+    let simulated = given.simulated.unwrap_or(start);
+    for value in [start, simulated] {
+        within(
+            &field,
+            value,
+            -MOST_LAG_S,
+            MOST_LAG_S,
+            "give it in seconds; a gyro that is later shows no joint's dynamics",
+        )?;
+    }
+    Ok(Some(Parameter { start, free, simulated }))
+}
+
 fn gyro(at: &str, table: &SensorTable, body: usize, offset_s: f64) -> Checked<Sensor> {
     let missing = |field: &str, advice: &str| RobotError::invalid(format!("{at}.{field}"), "missing", advice);
     let given = table.rotation.ok_or_else(|| {
@@ -181,6 +216,7 @@ fn gyro(at: &str, table: &SensorTable, body: usize, offset_s: f64) -> Checked<Se
         bias_simulated_rad_s,
         sigma_rad_s,
         range_rad_s: table.range_rad_s,
+        lag_s: lag(at, table)?,
         offset_s,
     }))
 }
@@ -199,6 +235,7 @@ fn given_fields(table: &SensorTable) -> impl Iterator<Item = &'static str> {
         (table.rotation.is_some(), "rotation"),
         (table.bias_rad_s.is_some(), "bias_rad_s"),
         (table.range_rad_s.is_some(), "range_rad_s"),
+        (table.lag_s.is_some(), "lag_s"),
     ]
     .into_iter()
     .filter_map(|(given, field)| given.then_some(field))

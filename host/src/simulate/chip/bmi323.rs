@@ -52,18 +52,27 @@ impl Bmi323Chip {
     /// The world at this moment: angular rate about the chip's axes, rad/s. Converts if a conversion is due.
     pub fn sense(&mut self, rate_rad_s: [f64; 3]) {
         let now = self.clock.now_ns();
-        let started = self.on_since_ns.is_some_and(|since| now >= since + START_UP_NS);
-        let settings = self.period_ns().zip(self.full_scale_dps()).filter(|_| started);
-        let Some((period, full_scale)) = settings else { return };
-        let due = self.converted_ns.is_none_or(|last| now / period > last / period);
-        if due {
-            let first = usize::from(register::GYR_DATA_X);
-            for (data, rate) in self.registers[first..].iter_mut().zip(rate_rad_s) {
-                *data = word(rate, full_scale) as u16;
-            }
-            self.registers[usize::from(register::STATUS)] |= GYRO_READY;
-            self.converted_ns = Some(now);
+        let Some(period) = self.converts_every_ns(now) else { return };
+        if self.converted_ns.is_none_or(|last| now / period > last / period) {
+            self.convert(now, rate_rad_s);
         }
+    }
+
+    /// The nominal time between conversions, ns, if it converts at this time of the board's clock.
+    pub fn converts_every_ns(&self, at_ns: u64) -> Option<u64> {
+        let started = self.on_since_ns.is_some_and(|since| at_ns >= since + START_UP_NS);
+        self.period_ns().filter(|_| self.full_scale_dps().is_some()).filter(|_| started)
+    }
+
+    /// A conversion of this rate about the chip's axes, rad/s, ends.
+    pub fn convert(&mut self, at_ns: u64, rate_rad_s: [f64; 3]) {
+        let Some(full_scale) = self.full_scale_dps() else { return };
+        let first = usize::from(register::GYR_DATA_X);
+        for (data, rate) in self.registers[first..].iter_mut().zip(rate_rad_s) {
+            *data = word(rate, full_scale) as u16;
+        }
+        self.registers[usize::from(register::STATUS)] |= GYRO_READY;
+        self.converted_ns = Some(at_ns);
     }
 
     fn gyr_conf(&self) -> u16 {

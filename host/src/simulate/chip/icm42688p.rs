@@ -76,15 +76,24 @@ impl Icm42688pChip {
     /// The world at this moment: angular rate about the chip's axes, rad/s. Converts if a conversion is due.
     pub fn sense(&mut self, rate_rad_s: [f64; 3]) {
         let now = self.clock.now_ns();
-        let started = self.on_since_ns.is_some_and(|since| now >= since + START_UP_NS);
-        let Some(period) = self.period_ns().filter(|_| started) else { return };
-        let due = self.converted_ns.is_none_or(|last| now / period > last / period);
-        if due {
-            let full_scale = self.full_scale_dps();
-            self.words = rate_rad_s.map(|rate| word(rate, full_scale));
-            self.bank0[usize::from(register::INT_STATUS)] |= DATA_READY;
-            self.converted_ns = Some(now);
+        let Some(period) = self.converts_every_ns(now) else { return };
+        if self.converted_ns.is_none_or(|last| now / period > last / period) {
+            self.convert(now, rate_rad_s);
         }
+    }
+
+    /// The nominal time between conversions, ns, if it converts at this time of the board's clock.
+    pub fn converts_every_ns(&self, at_ns: u64) -> Option<u64> {
+        let started = self.on_since_ns.is_some_and(|since| at_ns >= since + START_UP_NS);
+        self.period_ns().filter(|_| started)
+    }
+
+    /// A conversion of this rate about the chip's axes, rad/s, ends.
+    pub fn convert(&mut self, at_ns: u64, rate_rad_s: [f64; 3]) {
+        let full_scale = self.full_scale_dps();
+        self.words = rate_rad_s.map(|rate| word(rate, full_scale));
+        self.bank0[usize::from(register::INT_STATUS)] |= DATA_READY;
+        self.converted_ns = Some(at_ns);
     }
 
     /// FS_SEL, GYRO_CONFIG0 bits 7:5: 2000 °/s, then halves.

@@ -2,8 +2,8 @@
 //! firmware's own drivers run against them.
 //!
 //! A chip converts at its output data rate once it is switched on and has started up. Only the last conversion before a
-//! burst is ever seen, and it is taken to be of the moment of the burst: filters and the age of words are an effect of
-//! their own (`gyro_lag`), not something that a plain simulation hides in every recording.
+//! burst is ever seen. Of an ideal chip it is of the moment of the burst; a real one converts by a clock of its own, behind a
+//! filter (`gyro_clock`).
 
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, MutexGuard};

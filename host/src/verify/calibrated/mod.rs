@@ -4,18 +4,21 @@ mod four;
 mod system;
 
 pub use system::CalibratedSystem;
+use system::Instants;
 
 use std::sync::Arc;
 
 use nalgebra::{Matrix3, Vector3};
 
 use super::VerifyError;
+use crate::calibrate::data::instants::GyroInstants;
 use crate::calibrate::extension::laws;
 use crate::calibrate::{Calibration, Preset, Trial};
 use crate::model::fast::{Fast, StepQuads};
 use crate::model::law::Law;
 use crate::model::rotation::boxplus;
 use crate::model::{Integrator, Linear, Model, ModelError, SensorFrame, SensorLaws, StepSlopes, Stepper};
+use crate::recording::Recording;
 use crate::robot::{Channel, ChannelKind, ParameterSpec, Robot, Symbol};
 
 /// A robot with values for all of its parameters.
@@ -184,6 +187,20 @@ impl CalibratedModel {
         &self.model
     }
 
+    /// The model as a system whose gyros read when a recording says so: [`Columns::t_s`](super::Columns) are its samples' times.
+    pub fn system_of(&self, recording: &Recording, t_s: &[f64]) -> CalibratedSystem<'_> {
+        let of = |(gyro, sensor): (usize, &crate::robot::Gyro)| GyroInstants::of(recording, gyro, sensor.offset_s);
+        let found: Vec<Option<GyroInstants>> = self.robot.gyros().enumerate().map(of).collect();
+        if found.iter().all(Option::is_none) {
+            return self.system();
+        }
+        let own = found.into_iter().zip(self.robot.gyros()).map(|(instants, sensor)| {
+            instants.map_or_else(|| vec![sensor.offset_s; t_s.len()], |instants| instants.own_s())
+        });
+        let instants = Instants { t_s: t_s.to_vec(), after_s: own.collect() };
+        CalibratedSystem { instants: Some(Arc::new(instants)), ..self.system() }
+    }
+
     /// The model as a system.
     pub fn system(&self) -> CalibratedSystem<'_> {
         CalibratedSystem {
@@ -197,7 +214,10 @@ impl CalibratedModel {
             late: vec![0.0; self.model.layout().size()],
             late_jacobian: Vec::new(),
             row: vec![0.0; self.model.layout().size()],
+            halfway: Vec::new(),
             time_s: 0.0,
+            instants: None,
+            now: None,
         }
     }
 

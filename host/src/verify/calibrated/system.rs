@@ -1,5 +1,7 @@
 //! A calibrated model as a [`System`]: steps and readings with their Jacobians.
 
+use std::sync::Arc;
+
 use nalgebra::{DMatrix, DVector, Vector3};
 
 use super::super::system::{Four, System};
@@ -7,12 +9,21 @@ use super::CalibratedModel;
 use super::four;
 use crate::model::fast::StepQuads;
 use crate::model::{Dynamics, Input, Linear, SensorFrame, StepSlopes, Stepper};
-use crate::robot::{ChannelKind, Side};
+use crate::robot::{Channel, ChannelKind, Side};
 use solve::simd::Quad;
 
 /// The inputs, already as late as they act, at a time.
 fn held(u: &[f64], time_s: f64) -> Input<'_> {
     Input { u, by_delay: &[], time_s }
+}
+
+/// When the gyros of a recording read.
+#[derive(Debug)]
+pub(super) struct Instants {
+    /// Of its samples, s.
+    pub t_s: Vec<f64>,
+    /// `[gyro][sample]`: how long after them, s.
+    pub after_s: Vec<Vec<f64>>,
 }
 
 /// A [`CalibratedModel`] with the scratch space of one thread.
@@ -30,11 +41,23 @@ pub struct CalibratedSystem<'m> {
     pub(super) late_jacobian: Vec<f64>,
     /// The gradient of one reading by it.
     pub(super) row: Vec<f64>,
+    pub(super) halfway: Vec<f64>,
     pub(super) time_s: f64,
+    /// When gyros read, if a recording tells.
+    pub(super) instants: Option<Arc<Instants>>,
+    /// The present sample among them.
+    pub(super) now: Option<usize>,
 }
 
 impl CalibratedSystem<'_> {
-    /// x + offset ẋ: sensors are read a little after the tick.
+    /// When a channel reads after the sample, s.
+    fn instant_s(&self, channel: &Channel) -> f64 {
+        let ChannelKind::GyroAxis { gyro, .. } = channel.kind else { return channel.offset_s };
+        let own = self.instants.as_ref().zip(self.now).and_then(|(of, now)| of.after_s.get(gyro)?.get(now).copied());
+        own.unwrap_or(channel.offset_s) - self.calibrated.model.gyro_lag(gyro, &self.calibrated.z).0
+    }
+
+    /// x + offset ẋ: sensors are read a little after the tick, or tell of a moment before it.
     fn read_at(&mut self, x: &[f64], u: &[f64], offset_s: f64, with_jacobian: bool) {
         let n = x.len();
         self.late.copy_from_slice(x);
@@ -60,6 +83,12 @@ impl CalibratedSystem<'_> {
             self.linear.xdot.resize(n, 0.0);
             self.dynamics.derivative(x, held(u, self.time_s), &mut self.linear.xdot);
         }
+        // Over as long as a gyro may be late, the rate on the way matters.
+        if self.now.is_some() {
+            self.halfway.clear();
+            self.halfway.extend(x.iter().zip(&self.linear.xdot).map(|(x, xdot)| x + 0.5 * offset_s * xdot));
+            self.dynamics.derivative(&self.halfway, held(u, self.time_s), &mut self.linear.xdot);
+        }
         for (late, xdot) in self.late.iter_mut().zip(&self.linear.xdot) {
             *late += offset_s * xdot;
         }
@@ -72,8 +101,9 @@ impl CalibratedSystem<'_> {
         let mut read_at = f64::NAN;
         let mut row = std::mem::take(&mut self.row);
         for (i, channel) in calibrated.channels.iter().enumerate() {
-            if channel.offset_s != read_at {
-                read_at = channel.offset_s;
+            let instant_s = self.instant_s(channel);
+            if instant_s != read_at {
+                read_at = instant_s;
                 self.read_at(x, u, read_at, jacobian.is_some());
                 let (q, qd) = self.late[..2 * joints].split_at(joints);
                 if jacobian.is_some() {
@@ -221,6 +251,7 @@ impl System for CalibratedSystem<'_> {
 
     fn at_time(&mut self, time_s: f64) {
         self.time_s = time_s;
+        self.now = self.instants.as_ref().and_then(|of| of.t_s.binary_search_by(|t_s| t_s.total_cmp(&time_s)).ok());
     }
 
     fn step(&mut self, x: &[f64], u: &[f64], dt_s: f64, next: &mut [f64]) {
