@@ -169,7 +169,8 @@ const PAIRS: [[&str; 2]; 6] = [
 ];
 
 /// Effects that curves can show and no other entry of the catalogue is.
-const OUTSIDERS: [&str; 4] = ["cogging", "quadratic_drag", "belt_hardening", "gravity_residual"];
+const OUTSIDERS: [&str; 6] =
+    ["cogging", "quadratic_drag", "belt_hardening", "gravity_residual", "viscous_friction", "asymmetric_friction"];
 
 /// Hides, records and diagnoses.
 ///

@@ -21,7 +21,7 @@ use spline::Knots;
 use waves::Waves;
 
 use super::criteria::{COVERED, LEVEL};
-use super::scores::block_scores::{LawScore, score_laws, score_left_beside};
+use super::scores::block_scores::{LawScore, block_scores, score_laws, score_left_beside};
 use super::scores::significance::p_of_family;
 use crate::calibrate::{Bench, BlockScores, CalibrateError, JointState, Trial};
 use crate::effect::Row;
@@ -101,6 +101,8 @@ impl Place {
 pub struct Curves {
     /// Where.
     pub place: Place,
+    /// What they do, by their coefficients.
+    pub law: Arc<dyn Law>,
     /// What the blocks say of them.
     pub score: LawScore,
     /// p of the best of all places.
@@ -147,7 +149,7 @@ impl Ceiling {
         let tried = tried(bench, current);
         let count = tried.len();
         let all: Vec<Arc<dyn Law>> = tried.iter().map(|tried| &tried.law).chain(laws).cloned().collect();
-        let scores = bench.block_scores(current, &all)?;
+        let scores = block_scores(bench, current, &all)?;
         let mut of_all = score_laws(&scores, contiguous, true).into_iter().map(|score| score.ok().flatten());
         let mut curves: Vec<Curves> = tried
             .into_iter()
@@ -163,16 +165,15 @@ impl Ceiling {
         Ok(Ceiling { curves, scores, laws })
     }
 
-    /// The largest gain of a curve that is there for sure and stands for the law: it is on the law's row, or beside it less than
+    /// The best of the curves that are there for sure and stand for the law: they are on the law's row, or beside them less than
     /// half of the law's score is left.
-    pub fn over(&self, law: usize, row: Row) -> f64 {
+    pub fn over(&self, law: usize, row: Row) -> Option<&Curves> {
         let own = self.laws.get(law).and_then(Option::as_ref);
         let stands = |curves: &&Curves| {
             let left = |own: &LawScore| score_left_beside(&self.scores, own, &curves.score);
             curves.place.row() == row || own.is_some_and(|own| left(own) < COVERED)
         };
-        let shown = self.curves.iter().filter(|curves| curves.p_family < LEVEL).filter(stands);
-        shown.map(Curves::gain).fold(0.0, f64::max)
+        self.curves.iter().filter(|curves| curves.p_family < LEVEL).find(stands)
     }
 }
 
@@ -210,7 +211,7 @@ impl Tried {
             .collect();
         let p_family = p_of_family(score.p, count);
         let size_of = sizes(&*law, &score);
-        Curves { place, score, p_family, of_joints, size_of }
+        Curves { place, law, score, p_family, of_joints, size_of }
     }
 }
 
