@@ -37,7 +37,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let (bench, trial) = bench(&robot, &base, &Settings::default())?;
         let (bench, trial) = bench.thinned(&trial, SCAN_SAMPLES / BLOCKS);
         let clock = Instant::now();
-        let scores = block_scores(&bench, &trial, &laws)?;
+        let scores = block_scores(&bench, &trial, (&laws, laws.len()))?;
         let seconds = clock.elapsed().as_secs_f64();
         let columns = scores.alone.len();
         let scored = score_laws(&scores, &bench.is_contiguous(), false);

@@ -14,7 +14,8 @@ pub const WORST_BLOCKS: usize = 4;
 /// Samples of all blocks together of a robot of [`STATES`] states; a recording of up to three times as many is looked at whole.
 pub const SAMPLES: usize = 8_000;
 
-/// Noise of steps so many times what steps have at least, from which on events are looked for in what the greater part of the recording leaves.
+/// Noise of steps so many times what steps have at least, from which on events are looked for in what the greater part of the recording leaves, and from which on a misfit that no
+/// curve shows has its place by the steps that err most.
 pub const WRONG: f64 = 3.0;
 
 /// Samples of all blocks that a scan looks at.

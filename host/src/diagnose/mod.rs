@@ -128,7 +128,7 @@ pub fn diagnose(
         let contiguous = bench.is_contiguous();
         (curves::Ceiling::of(&bench, &trial, &contiguous, &[]).map(|c| c.curves).unwrap_or_default(), more)
     };
-    let (first_curves, _) = thinned(&selection.base.trial);
+    let first_curves = selection.base_curves.clone().unwrap_or_else(|| thinned(&selection.base.trial).0);
     step("predicting the other motion");
     let unseen = Holdout::new(robot, &unseen);
     let grow = |selection: &mut Selection, rejected: &[Rejected]| {

@@ -94,7 +94,8 @@ pub struct BlockScores {
     pub columns: Vec<Option<Range<usize>>>,
     /// Of each block, what its rows count for beside those of the others.
     pub weights: Vec<f64>,
-    /// q × q, all columns with the shared unknowns eliminated, summed over blocks by their weights; not finite where a column is not.
+    /// q × q, all columns with the shared unknowns eliminated, summed over blocks by their weights; not finite where a column is not. Of two laws that are not
+    /// crossed it says nothing.
     pub information: DMatrix<f64>,
     /// q: the same of each column if the shared unknowns were known.
     pub alone: DVector<f64>,
@@ -149,13 +150,14 @@ impl<'a> Bench<'a> {
     }
 
     /// What the blocks of this bench say of `laws`, each on its own on top of `trial`. `weigh` tells of each block what its rows count for.
+    /// What different laws have in common is told of the first `crossed` with all others.
     ///
     /// # Errors
     /// A trial that cannot be factorised.
     pub fn block_scores(
         &self,
         trial: &Trial,
-        laws: &[std::sync::Arc<dyn crate::model::law::Law>],
+        (laws, crossed): (&[std::sync::Arc<dyn crate::model::law::Law>], usize),
         weigh: impl Fn(&BlockFit) -> Vec<f64>,
     ) -> Result<BlockScores, CalibrateError> {
         let model = Model::extended(self.robot, trial.laws.clone())?;
@@ -171,7 +173,7 @@ impl<'a> Bench<'a> {
         let base = self.fit_of((&problem, &point), (&factor, &free, &information));
         let weights = weigh(&base);
         let models = self.with_each(&model, trial, laws);
-        let (all, columns) = Asked::columns(self, (&problem, &model, &point), &models, trial);
+        let (all, columns) = Asked::columns(self, (&problem, &model, &point), (&models, crossed), trial);
         // [rest | all columns]: with the sums of all columns in total, and those of each law alone by block.
         let total = std::sync::Mutex::new(Totals::new(free.ncols(), all.count()));
         let take = |block: usize, sums: &BlockSums<'_>| {

@@ -49,13 +49,18 @@ impl LawScore {
     }
 }
 
-/// What the blocks of a bench say of laws on top of a trial. Blocks that the trial predicts badly weigh less.
+/// What the blocks of a bench say of laws on top of a trial. Blocks that the trial predicts badly weigh less. What laws have in common is told of the first
+/// `crossed` of them with all others.
 ///
 /// # Errors
 /// A trial that cannot be factorised.
-pub fn block_scores(bench: &Bench<'_>, trial: &Trial, laws: &[Arc<dyn Law>]) -> Result<BlockScores, CalibrateError> {
+pub fn block_scores(
+    bench: &Bench<'_>,
+    trial: &Trial,
+    (laws, crossed): (&[Arc<dyn Law>], usize),
+) -> Result<BlockScores, CalibrateError> {
     let contiguous = bench.is_contiguous();
-    bench.block_scores(trial, laws, |base| block_weights(base, &contiguous))
+    bench.block_scores(trial, (laws, crossed), |base| block_weights(base, &contiguous))
 }
 
 /// Of each block: one over its dispersion, where that is more than noise has.

@@ -49,7 +49,7 @@ pub fn timed((bench, current): (&Bench<'_>, &Trial), mut named: Named) -> Result
     for step in FINER {
         let shifts = (-ON_EACH_SIDE..=ON_EACH_SIDE).map(|i| f64::from(i) * step * period_s);
         let laws: Vec<Arc<dyn Law>> = shifts.filter_map(|by_s| named.law.later(by_s)).collect();
-        let scores = score_laws(&block_scores(bench, current, &laws)?, &contiguous, false);
+        let scores = score_laws(&block_scores(bench, current, (&laws, 0))?, &contiguous, false);
         let score = |score: &Result<Option<super::block_scores::LawScore>, _>| {
             score.as_ref().ok().and_then(|score| score.as_ref()).map_or(0.0, |score| score.score)
         };

@@ -68,9 +68,11 @@ impl Search<'_> {
         for _ in 0..PASSES {
             self.add(selection)?;
             (self.step)("looking at what stands for something else");
-            let dropped = drop_superfluous(self.refit, selection)?;
+            let added = selection.ids();
+            drop_superfluous(self.refit, selection)?;
             let exchanged = exchange(self.refit, selection, self.plausibility);
-            if !(dropped || exchanged) {
+            // Where only the last ones were dropped the model is one that was passed: the same would be added again.
+            if !exchanged && added.starts_with(&selection.ids()) {
                 break;
             }
         }
@@ -89,19 +91,25 @@ impl Search<'_> {
             }
             selection.not_finite.clone_from(&scan.not_finite);
             selection.tests = selection.tests.max(scan.count);
+            let before: &Selection = selection;
             let mut covered: Option<Covered<'_>> = None;
-            let (chosen, fitted) = loop {
-                let Some((chosen, place)) = choose(&selection.current, &scan, &left, self.plausibility) else {
-                    return Ok(());
+            let found = loop {
+                let Some((chosen, place)) = choose(&before.current, &scan, &left, self.plausibility) else {
+                    break None;
                 };
-                if matters(selection, &chosen) {
-                    let covered = covered.get_or_insert_with(|| Covered::of(self.refit, selection, &scan, &left));
+                if matters(before, &chosen) {
+                    let covered = covered.get_or_insert_with(|| Covered::of(self.refit, before, &scan, &left));
                     if covered.is_enough(&chosen) {
-                        break (chosen, left.swap_remove(place).fitted);
+                        break Some((chosen, left.swap_remove(place).fitted));
                     }
                 }
                 left.retain(|tried| tried.named.effect.id != chosen.named.effect.id);
             };
+            let curves = covered.and_then(Covered::into_curves);
+            if selection.accepted.is_empty() {
+                selection.base_curves = curves;
+            }
+            let Some((chosen, fitted)) = found else { return Ok(()) };
             tracing::debug!(effect = chosen.named.effect.id, weight = chosen.weight, "accepted");
             selection.push(chosen, self.refit.reweighted(fitted));
         }
