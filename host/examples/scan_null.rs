@@ -9,7 +9,7 @@ use std::time::Instant;
 
 use host::calibrate::{Preset, fit};
 use host::diagnose::criteria::{BLOCKS, SCAN_SAMPLES};
-use host::diagnose::{bench, p_of_family, score_laws};
+use host::diagnose::{bench, block_scores, p_of_family, score_laws};
 use host::effect::{CATALOGUE, Effect};
 use host::model::law::Law;
 use host::robot::Robot;
@@ -37,7 +37,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let (bench, trial) = bench(&robot, &base, &Settings::default())?;
         let (bench, trial) = bench.thinned(&trial, SCAN_SAMPLES / BLOCKS);
         let clock = Instant::now();
-        let scores = bench.block_scores(&trial, &laws)?;
+        let scores = block_scores(&bench, &trial, (&laws, laws.len()))?;
         let seconds = clock.elapsed().as_secs_f64();
         let columns = scores.alone.len();
         let scored = score_laws(&scores, &bench.is_contiguous(), false);

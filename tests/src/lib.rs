@@ -2,6 +2,7 @@
 #![forbid(unsafe_code)]
 
 pub mod coverage;
+pub mod decisions;
 pub mod healthy;
 pub mod hidden;
 pub mod machine;

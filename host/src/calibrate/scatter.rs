@@ -72,7 +72,7 @@ pub(super) fn between_blocks<'m>(
     let mut border = Border::new(&information, &gradient, held);
     border.hold_undetermined();
     let free = border.free_directions();
-    let take = |sums: &BlockSums<'_>| {
+    let take = |_: usize, sums: &BlockSums<'_>| {
         let taken = taken(sums, &free, &[]);
         (taken.shared, taken.shared_gradient)
     };

@@ -36,7 +36,7 @@ pub use result::{
     BaseFit, Candidate, ChannelFit, ChannelGain, Defect, Diagnosis, Finding, Flag, HoldoutGain, HorizonGain,
     NotTestable, OverTime, Picture, Rejected, Rival, Unexplained, Verdict,
 };
-pub use scores::block_scores::{LawScore, score_laws};
+pub use scores::block_scores::{LawScore, block_scores, score_laws};
 pub use scores::significance::p_of_family;
 pub use scores::stability::Stability;
 pub use stretch::Stretch;
@@ -48,7 +48,7 @@ use plausibility::Plausibility;
 use refit::{Fitted, Refit, samples_for};
 use report::Evidence;
 use scores::events;
-use selection::Selection;
+use selection::{Search, Selection};
 
 use crate::calibrate::{Bench, CalibrateError, Fit, Method, Preset, Trial, extend_as, fit};
 use crate::effect::{Effect, EffectError};
@@ -119,7 +119,8 @@ pub fn diagnose(
     let on_bench = Fitted::of(&bench, &contiguous, trial)?;
     let refit = Refit { bench, contiguous, trimmed };
     let on_bench = refit.reweighted(refit.reweighted(on_bench));
-    let mut selection = selection::select(&refit, on_bench, (&candidates, &clues), &plausibility, step)?;
+    let search = Search { refit: &refit, candidates: &candidates, clues: &clues, plausibility: &plausibility, step };
+    let mut selection = search.select(on_bench)?;
 
     step("looking for curves");
     let thinned = |trial: &Trial| {
@@ -127,14 +128,14 @@ pub fn diagnose(
         let contiguous = bench.is_contiguous();
         (curves::Ceiling::of(&bench, &trial, &contiguous, &[]).map(|c| c.curves).unwrap_or_default(), more)
     };
-    let (first_curves, _) = thinned(&selection.base.trial);
+    let first_curves = selection.base_curves.clone().unwrap_or_else(|| thinned(&selection.base.trial).0);
     step("predicting the other motion");
     let unseen = Holdout::new(robot, &unseen);
     let grow = |selection: &mut Selection, rejected: &[Rejected]| {
         let is_left = |effect: &Effect| rejected.iter().all(|other| other.effect != effect.id);
         let candidates: Vec<_> = candidates.iter().filter(|c| is_left(c.effect)).cloned().collect();
         let clues: Vec<_> = clues.iter().filter(|clue| is_left(clue.effect)).cloned().collect();
-        if let Err(error) = selection::grow(&refit, selection, (&candidates, &clues), &plausibility, step) {
+        if let Err(error) = (Search { candidates: &candidates, clues: &clues, ..search }).grow(selection) {
             tracing::debug!(%error, "nothing takes the place of what was rejected");
         }
     };

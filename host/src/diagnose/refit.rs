@@ -167,6 +167,15 @@ impl Refit<'_> {
         smooth.into_iter().chain(sharp).max_by(|a, b| gain(a).total_cmp(&gain(b)))
     }
 
+    /// A model with these laws, those of `current` and more, searched from there; none where no search ends in numbers.
+    pub fn with_laws(&self, laws: &[Arc<dyn Law>], current: &Fitted) -> Option<Fitted> {
+        let trial = self.bench.fit_on_top(laws, &current.trial, (ITERATIONS, current.trial.cost));
+        let fitted = trial.and_then(|trial| Fitted::of(&self.bench, &self.contiguous, trial));
+        let fitted = fitted.inspect_err(|error| tracing::debug!(%error, "a refit failed")).ok()?;
+        let is_finite = fitted.left_out.iter().all(|cost| cost.is_finite());
+        is_finite.then(|| fitted.no_better_than_own(current))
+    }
+
     /// The same of an event, from what the greater part of the recording shows.
     pub fn with_event(&self, accepted: &[Named], current: &Fitted, named: &Named) -> Option<(Named, Fitted)> {
         let trimmed = self.trimmed.as_ref()?;

@@ -271,17 +271,22 @@ pub struct Unexplained {
     pub places: Vec<Defect>,
 }
 
-/// A place where a shapeless curve still finds something.
+/// A place where a shapeless curve still finds something, or the steps of the model err most.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Defect {
     /// Which equation.
     pub row: Row,
     /// Joint, 1-based; `null` where no joint is concerned.
     pub axis: Option<usize>,
-    /// What the defect is a function of: `motor_speed`, `motor_phase`, `windup`, `link_angle` …
+    /// What the defect is a function of: `motor_speed`, `motor_phase`, `windup`, `link_angle` …; [`Defect::UNKNOWN`] where no curve of one joint's quantities shows it.
     pub argument: String,
-    /// Share of the base model's excess that such a curve explains.
+    /// Share of the base model's excess that such a curve explains; where none does, share of the squares by which the steps of all equations err.
     pub share: f64,
+}
+
+impl Defect {
+    /// The argument of a defect that no curve of one joint's quantities shows.
+    pub const UNKNOWN: &'static str = "unknown";
 }
 
 /// A curve that the base model misses, as a torque or as what a sensor reads.

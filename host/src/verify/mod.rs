@@ -211,11 +211,11 @@ pub fn predict(
     Ok((verification, traces))
 }
 
-/// The windowed predictions of `recording` by `model` over [`HORIZONS_S`], window by window.
+/// The windowed predictions of `recording` by `model` over those of [`HORIZONS_S`] that are no longer than `longest_s`, window by window.
 ///
 /// # Errors
 /// [`VerifyError`].
-pub fn windows(model: &CalibratedModel, recording: &Recording) -> Result<Vec<Windows>, VerifyError> {
+pub fn windows(model: &CalibratedModel, recording: &Recording, longest_s: f64) -> Result<Vec<Windows>, VerifyError> {
     check(model, recording)?;
     let known = of_known_age(recording);
     let recording = known.as_ref();
@@ -224,7 +224,8 @@ pub fn windows(model: &CalibratedModel, recording: &Recording) -> Result<Vec<Win
     let columns = columns(recording, &t_s, &duty);
     let system = model.system_of(recording, &t_s);
     let track = filter::run(&system, &columns);
-    Ok(window::predict(&system, &columns, &track, &HORIZONS_S))
+    let count = HORIZONS_S.iter().take_while(|horizon_s| **horizon_s <= longest_s).count();
+    Ok(window::predict(&system, &columns, &track, &HORIZONS_S[..count]))
 }
 
 fn columns<'a>(recording: &'a Recording, t_s: &'a [f64], duty: &'a [Vec<f64>]) -> Columns<'a> {

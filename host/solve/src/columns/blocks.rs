@@ -22,17 +22,17 @@ struct Blocks<'a, T, F> {
     taken: &'a Mutex<Vec<Option<T>>>,
 }
 
-impl<T, F: Fn(&BlockSums<'_>) -> T> Blocks<'_, T, F> {
+impl<T, F: Fn(usize, &BlockSums<'_>) -> T> Blocks<'_, T, F> {
     fn take(&self, stage: usize, sums: &BlockSums<'_>) {
         let block = self.starts.partition_point(|start| *start <= stage).saturating_sub(1);
-        let taken = (self.take)(sums);
+        let taken = (self.take)(block, sums);
         if let Ok(mut all) = self.taken.lock() {
             all[block] = Some(taken);
         }
     }
 }
 
-impl<T, F: Fn(&BlockSums<'_>) -> T> Leave for Blocks<'_, T, F> {
+impl<T, F: Fn(usize, &BlockSums<'_>) -> T> Leave for Blocks<'_, T, F> {
     fn leave(&mut self, stage: usize, sums: &BlockSums<'_>) {
         self.take(stage, sums);
     }
@@ -42,7 +42,7 @@ impl<T, F: Fn(&BlockSums<'_>) -> T> Leave for Blocks<'_, T, F> {
     }
 }
 
-/// [`eliminate`](super::eliminate) by blocks: what `take` makes of the sums of each block, in their order. `starts` are the first stages of all blocks,
+/// [`eliminate`](super::eliminate) by blocks: what `take` makes of each block's place and sums, in their order. `starts` are the first stages of all blocks,
 /// ascending from stage 0; the chain must break before each of them.
 ///
 /// Memory: the sums of the block that a sweep is in, (m + q)² a thread, and what `take` keeps.
@@ -52,7 +52,7 @@ pub fn block_sums<P: LeastSquares, T: Send>(
     extra: &impl ExtraColumns<P>,
     starts: &[usize],
     threads: usize,
-    take: impl Fn(&BlockSums<'_>) -> T + Sync,
+    take: impl Fn(usize, &BlockSums<'_>) -> T + Sync,
 ) -> Vec<T> {
     debug_assert!(starts.first() == Some(&0) && starts.is_sorted(), "blocks begin with stage 0 and ascend");
     let taken = Mutex::new(starts.iter().map(|_| None).collect());

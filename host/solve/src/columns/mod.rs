@@ -42,6 +42,12 @@ pub trait ExtraColumns<P: LeastSquares>: Sync {
     /// Number of columns, q.
     fn count(&self) -> usize;
 
+    /// The end of the columns behind `column` whose products with it are wanted; ascending. Others may be left out.
+    fn reach(&self, column: usize) -> usize {
+        let _ = column;
+        self.count()
+    }
+
     /// Adds the entries of the stages from `first` on; `stages` holds their rows as the problem has linearised them at `point`.
     fn fill(
         &self,

@@ -14,6 +14,8 @@ use crate::simd::{LANES, Quad, Simd, Work, vectorised};
 pub(super) struct Sweep {
     columns: Columns,
     extra: usize,
+    /// Of each group of the border and the columns, the end of those that it is multiplied with, in groups of all rows.
+    ends: Vec<usize>,
     /// G of the stage at the front and of the one that comes next, by groups of `padded_stage` rows.
     front: Vec<Quad>,
     next: Vec<Quad>,
@@ -30,11 +32,16 @@ pub(super) struct Sweep {
 }
 
 impl Sweep {
-    fn new(columns: Columns, count: usize, kept: bool) -> Self {
+    fn new<P: LeastSquares>(columns: Columns, of: &impl ExtraColumns<P>, kept: bool) -> Self {
+        let count = of.count();
         let (n, extra) = (columns.padded_stage, groups(count));
+        let behind = columns.stage_groups + columns.groups_with_right();
+        let last_of = |group: usize| ((group + 1) * LANES).min(count) - 1;
+        let of_border = std::iter::repeat_n(behind + extra, columns.groups_with_right());
         Sweep {
             columns,
             extra,
+            ends: of_border.chain((0..extra).map(|group| behind + groups(of.reach(last_of(group))))).collect(),
             front: vec![Quad::default(); n * extra],
             next: vec![Quad::default(); n * extra],
             work: vec![Quad::default(); n * (columns.stage_groups + columns.groups_with_right() + extra)],
@@ -66,7 +73,7 @@ impl Sweep {
     /// Adds what the rows of `slot` say of the columns to the front and the border.
     #[inline(always)]
     fn add_rows<S: Simd>(&mut self, simd: S, slot: usize) {
-        let Sweep { columns, extra, front, sums, entries, .. } = self;
+        let Sweep { columns, extra, ends, front, sums, entries, .. } = self;
         let entries = &entries[slot];
         let n = columns.padded_stage;
         if entries.has_direct {
@@ -78,15 +85,15 @@ impl Sweep {
         let (own, behind) = (columns.stage_groups, columns.stage_groups + columns.groups_with_right());
         let mut to = Sums::of(front, n);
         kernel::product::<S, Add>(simd, rows, 0..own, behind..behind + *extra, &mut to);
-        Self::add_sums::<S, Add>(columns, simd, rows, sums, *extra);
+        Self::add_sums::<S, Add>(columns, simd, rows, sums, ends);
     }
 
     /// Sums ± `[border C]ᵀ [border C]` of rows `[stage | border | C]`, the upper groups.
     #[inline(always)]
-    fn add_sums<S: Simd, C: Change>(columns: &Columns, simd: S, rows: Rows<'_>, sums: &mut [Quad], extra: usize) {
+    fn add_sums<S: Simd, C: Change>(columns: &Columns, simd: S, rows: Rows<'_>, sums: &mut [Quad], ends: &[usize]) {
         let own = columns.stage_groups;
-        let width = columns.groups_with_right() + extra;
-        kernel::upper::<S, C>(simd, rows, own..own + width, own + width, &mut Sums::of(sums, width * LANES));
+        let width = ends.len();
+        kernel::upper_within::<S, C>(simd, rows, own..own + width, ends, &mut Sums::of(sums, width * LANES));
     }
 
     /// Adds what the transition of `slot` says of its successor, −w times its entries.
@@ -112,7 +119,7 @@ impl Sweep {
     #[inline(always)]
     fn eliminate<S: Simd>(&mut self, simd: S, factor: &Factor, k: usize) {
         factor.stage(k, &mut self.factor);
-        let Sweep { columns, extra, front, next, work, factor, lower, sums, kept, .. } = self;
+        let Sweep { columns, extra, ends, front, next, work, factor, lower, sums, kept, .. } = self;
         let (n, m, padded) = (columns.shape.stage, columns.shape.border, columns.padded_stage);
         let (own, behind) = (columns.stage_groups, columns.stage_groups + columns.groups_with_right());
         for i in 0..n {
@@ -142,7 +149,7 @@ impl Sweep {
         let rows = Rows { values: work, capacity: padded, count: padded };
         let mut to = Sums::of(next, padded);
         kernel::product::<S, Subtract>(simd, rows, 0..own, behind..behind + *extra, &mut to);
-        Self::add_sums::<S, Subtract>(columns, simd, rows, sums, *extra);
+        Self::add_sums::<S, Subtract>(columns, simd, rows, sums, ends);
         std::mem::swap(front, next);
         next.fill(Quad::default());
     }
@@ -300,7 +307,7 @@ pub(super) fn sweep<P: LeastSquares, E: ExtraColumns<P>, L: Leave + Send>(
 ) -> (Sweep, Sweep) {
     let (problem, _, extra) = given;
     let (columns, middle, count) = (factor.columns(), factor.middle(), extra.count());
-    let new = || (Sweep::new(columns, count, kept), (problem.scratch(), extra.scratch()));
+    let new = || (Sweep::new(columns, extra, kept), (problem.scratch(), extra.scratch()));
     let [leave_left, leave_right] = leaves;
     let left = || {
         let (mut sweep, mut scratch) = new();

@@ -13,7 +13,7 @@ mod sums;
 mod vectors;
 
 pub use cholesky::{Pivot, factor};
-pub use sums::{Add, Change, Rows, Set, Subtract, Sums, product, upper};
+pub use sums::{Add, Change, Rows, Set, Subtract, Sums, product, upper, upper_within};
 pub use vectors::{Four, add_across, change_weighted, weighted};
 
 use crate::simd::LANES;

@@ -192,6 +192,39 @@ impl<C: Change> Work for &mut Upper<'_, '_, C> {
     }
 }
 
+/// [`upper`] of which each group of `left` goes no further than to its own of `ends`.
+#[inline(always)]
+pub fn upper_within<S: Simd, C: Change>(
+    simd: S,
+    rows: Rows<'_>,
+    left: Range<usize>,
+    ends: &[usize],
+    sums: &mut Sums<'_>,
+) {
+    simd.apart(&mut UpperWithin { rows, left, ends, sums, change: PhantomData::<C> });
+}
+
+/// What [`upper_within`] does.
+struct UpperWithin<'a, 'b, C> {
+    rows: Rows<'a>,
+    left: Range<usize>,
+    ends: &'a [usize],
+    sums: &'a mut Sums<'b>,
+    change: PhantomData<C>,
+}
+
+impl<C: Change> Work for &mut UpperWithin<'_, '_, C> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) {
+        let UpperWithin { rows, ref left, ends, ref mut sums, .. } = *self;
+        for ((at, i), end) in left.clone().enumerate().zip(ends) {
+            strip::<S, C>(simd, rows, i, i..*end, sums, (at * LANES, at));
+        }
+    }
+}
+
 /// Changes `sums` by `Σ_k rows[k]ᵀ rows[k]`: the groups `left` times the groups `right`. The sums of groups `left.start + a` and
 /// `right.start + b` are the rows 4a … 4a + 3 of group b, or of one behind the gap.
 #[inline(always)]

@@ -212,7 +212,7 @@ proptest! {
         }
         let (m, states, n) = (spec.m, dense.scale.len() - spec.m, spec.n);
         let size = m + 1 + count;
-        let full = |sums: &crate::columns::BlockSums<'_>| {
+        let full = |_: usize, sums: &crate::columns::BlockSums<'_>| {
             let at = |i: usize, j: usize| match (i.min(j), i.max(j)) {
                 (i, j) if j < m => sums.shared_information(i, j),
                 (i, j) if j == m && i < m => sums.shared_gradient(i),

@@ -92,9 +92,12 @@ pub struct BlockScores {
     pub laws: Vec<Option<Vec<LawBlock>>>,
     /// Columns of each law in [`information`](Self::information).
     pub columns: Vec<Option<Range<usize>>>,
-    /// q × q, all columns with the shared unknowns eliminated, summed over blocks; not finite where a column is not.
+    /// Of each block, what its rows count for beside those of the others.
+    pub weights: Vec<f64>,
+    /// q × q, all columns with the shared unknowns eliminated, summed over blocks by their weights; not finite where a column is not. Of two laws that are not
+    /// crossed it says nothing.
     pub information: DMatrix<f64>,
-    /// q: the information of each column if the shared unknowns were known.
+    /// q: the same of each column if the shared unknowns were known.
     pub alone: DVector<f64>,
 }
 
@@ -143,20 +146,19 @@ impl<'a> Bench<'a> {
         let mut border = Border::new(&information, &gradient, &held);
         border.hold_undetermined();
         let free = border.free_directions();
-        let take = |sums: &BlockSums<'_>| taken(sums, &free, &[]);
-        let given = (&problem, &point);
-        let blocks = block_sums(given, &factor, &NoColumns, &self.block_starts, self.settings.threads, take);
-        Ok(self.fit_of((&problem, &point), (&factor, &free, &information), blocks.iter()))
+        Ok(self.fit_of((&problem, &point), (&factor, &free, &information)))
     }
 
-    /// What the blocks of this bench say of `laws`, each on its own on top of `trial`.
+    /// What the blocks of this bench say of `laws`, each on its own on top of `trial`. `weigh` tells of each block what its rows count for.
+    /// What different laws have in common is told of the first `crossed` with all others.
     ///
     /// # Errors
     /// A trial that cannot be factorised.
     pub fn block_scores(
         &self,
         trial: &Trial,
-        laws: &[std::sync::Arc<dyn crate::model::law::Law>],
+        (laws, crossed): (&[std::sync::Arc<dyn crate::model::law::Law>], usize),
+        weigh: impl Fn(&BlockFit) -> Vec<f64>,
     ) -> Result<BlockScores, CalibrateError> {
         let model = Model::extended(self.robot, trial.laws.clone())?;
         let (problem, point, held) = self.at(&model, &trial.known());
@@ -168,42 +170,45 @@ impl<'a> Bench<'a> {
         // A law of the trial may say in part what the base model does, as a gyro's scale and its rotation.
         border.hold_undetermined();
         let free = border.free_directions();
+        let base = self.fit_of((&problem, &point), (&factor, &free, &information));
+        let weights = weigh(&base);
         let models = self.with_each(&model, trial, laws);
-        let (all, columns) = Asked::columns(self, (&problem, &model, &point), &models, trial);
+        let (all, columns) = Asked::columns(self, (&problem, &model, &point), (&models, crossed), trial);
         // [rest | all columns]: with the sums of all columns in total, and those of each law alone by block.
         let total = std::sync::Mutex::new(Totals::new(free.ncols(), all.count()));
-        let take = |sums: &BlockSums<'_>| {
+        let take = |block: usize, sums: &BlockSums<'_>| {
             if let Ok(mut total) = total.lock() {
-                total.add(sums, &free);
+                total.add(sums, &free, weights[block]);
             }
             taken(sums, &free, &columns)
         };
         let taken = block_sums((&problem, &point), &factor, &all, &self.block_starts, threads, take);
-        let base = self.fit_of((&problem, &point), (&factor, &free, &information), taken.iter());
         let total = total.into_inner().map_err(|_| CalibrateError::Undetermined)?;
         let alone = total.information.diagonal();
-        let shared = base.blocks.iter().fold(base.prior.clone(), |sum, block| sum + &block.information);
+        let weighted = base.blocks.iter().zip(&weights);
+        let shared = weighted.fold(base.prior.clone(), |sum, (block, weight)| sum + *weight * &block.information);
         let by_columns = shared.cholesky().ok_or(CalibrateError::Undetermined)?.solve(&total.coupling);
         let information = &total.information - total.coupling.transpose() * by_columns;
         let of_law =
             |law: usize| columns[law].as_ref().and_then(|_| taken.iter().map(|t| t.laws[law].clone()).collect());
         let laws = (0..columns.len()).map(of_law).collect();
-        Ok(BlockScores { base, laws, columns, information, alone })
+        Ok(BlockScores { base, laws, columns, weights, information, alone })
     }
 
-    fn fit_of<'t>(
+    fn fit_of<'m>(
         &self,
-        (problem, point): (&Problem<'_>, &crate::calibrate::residuals::point::Point<'_>),
+        (problem, point): (&Problem<'m>, &crate::calibrate::residuals::point::Point<'m>),
         (factor, free, information): (&Factor, &DMatrix<f64>, &[f64]),
-        taken: impl Iterator<Item = &'t Taken>,
     ) -> BlockFit {
-        let blocks: Vec<Quadratic> = taken
-            .map(|taken| Quadratic {
-                squares: taken.squares,
-                gradient: taken.shared_gradient.clone(),
-                information: taken.shared.clone(),
-            })
-            .collect();
+        let take = |_: usize, sums: &BlockSums<'_>| taken(sums, free, &[]);
+        let threads = self.settings.threads;
+        let taken = block_sums((problem, point), factor, &NoColumns, &self.block_starts, threads, take);
+        let of_block = |taken: Taken| Quadratic {
+            squares: taken.squares,
+            gradient: taken.shared_gradient,
+            information: taken.shared,
+        };
+        let blocks: Vec<Quadratic> = taken.into_iter().map(of_block).collect();
         let m = free.nrows();
         let whole = free.transpose() * DMatrix::from_row_slice(m, m, information) * free;
         let prior = blocks.iter().fold(whole, |rest, block| rest - &block.information);
@@ -321,13 +326,13 @@ impl Totals {
         Totals { coupling: DMatrix::zeros(free, count), information: DMatrix::zeros(count, count) }
     }
 
-    fn add(&mut self, sums: &BlockSums<'_>, free: &DMatrix<f64>) {
+    fn add(&mut self, sums: &BlockSums<'_>, free: &DMatrix<f64>, weight: f64) {
         let count = sums.count();
         let coupling = DMatrix::from_fn(sums.shared(), count, |i, j| sums.coupling(i, j));
-        self.coupling += free.transpose() * coupling;
+        self.coupling += weight * (free.transpose() * coupling);
         for j in 0..count {
             for i in 0..count {
-                self.information[(i, j)] += sums.information(i, j);
+                self.information[(i, j)] += weight * sums.information(i, j);
             }
         }
     }

@@ -53,6 +53,8 @@ pub(crate) struct Asked<'m> {
     by_steps: bool,
     /// Whether it changes readings.
     sees: bool,
+    /// Whether it changes steps.
+    moves: bool,
     /// Whether the links are the trial's, wherever its coordinates are moved.
     keeps_links: bool,
     /// Of each component of the trial's state, where it stands in that of this model.
@@ -60,11 +62,12 @@ pub(crate) struct Asked<'m> {
 }
 
 impl<'m> Asked<'m> {
-    /// The columns of all of these models, and which are whose; none where there is no model.
+    /// The columns of all of these models, and which are whose; none where there is no model. The products of columns of different models are those with the
+    /// first `crossed` models.
     pub(crate) fn columns<'b>(
         bench: &'m Bench<'_>,
         (problem, model, point): (&'b Problem<'b>, &Model, &Point<'_>),
-        models: &'m [Option<Model>],
+        (models, crossed): (&'m [Option<Model>], usize),
         trial: &Trial,
     ) -> (AllColumns<'m, 'b>, Vec<Option<Range<usize>>>) {
         let (left, right) = models.split_at(models.len() / 2);
@@ -79,9 +82,15 @@ impl<'m> Asked<'m> {
             columns.push(one.as_ref().map(|_| first..count));
             asked.extend(one.map(|one| (first, one)));
         }
+        let reaches = columns.iter().enumerate().flat_map(|(model, own)| {
+            let own = own.clone().unwrap_or_default();
+            let end = if model < crossed { count } else { own.end };
+            own.map(move |_| end)
+        });
+        let reach = reaches.collect();
         let layout = model.layout();
         let (all, speed_of) = ((0..layout.size()).collect(), layout.speed_of());
-        (AllColumns { base: problem, all, speed_of, asked, count }, columns)
+        (AllColumns { base: problem, all, speed_of, asked, count, reach }, columns)
     }
 
     /// Of each of these models; none where there is none.
@@ -128,10 +137,21 @@ impl<'m> Asked<'m> {
         let sees_position = (0..base.layout().joints())
             .any(|joint| [Side::Motor, Side::Link].into_iter().any(|side| law.sees_position(side, joint)));
         let moves_bodies = extended.layout().chain() != base.layout().chain();
+        let sees = sees_gyro || sees_position || moves_bodies;
+        // A law that changes readings, and has nothing by which it could change a step.
+        let is_of_sensors = sees
+            && !moves_bodies
+            && added.is_empty()
+            && keeps_links
+            && law.hooks().is_empty()
+            && !law.euler()
+            && [law.input_delay(), law.coriolis()] == [None; 2]
+            && law.payload().is_none();
         Asked {
             is_something: coordinates.is_empty() || coordinates.iter().any(|c| c.start != 0.0),
             by_steps: law.euler(),
-            sees: sees_gyro || sees_position || moves_bodies,
+            sees,
+            moves: !is_of_sensors,
             keeps_links,
             problem,
             at_start,
@@ -196,6 +216,8 @@ pub(crate) struct AllColumns<'a, 'm> {
     /// With the first column of each.
     asked: Vec<(usize, Asked<'a>)>,
     count: usize,
+    /// Of each column, the end of those whose products with it are wanted.
+    reach: Vec<usize>,
 }
 
 /// Room of one thread.
@@ -229,7 +251,7 @@ impl Prediction {
         &mut self,
         (problem, point, places): (&Problem<'_>, &Point<'_>, &[usize]),
         k: usize,
-        (by_steps, sees): (bool, bool),
+        (by_steps, sees, moves): (bool, bool, bool),
         links: Option<&LinksAt>,
         scratch: &mut Scratch,
     ) {
@@ -243,7 +265,7 @@ impl Prediction {
             });
         }
         self.change.clear();
-        if !problem.linked(k) {
+        if !moves || !problem.linked(k) {
             return;
         }
         let before = point.state(k);
@@ -284,6 +306,10 @@ impl ExtraColumns<Problem<'_>> for AllColumns<'_, '_> {
         self.count
     }
 
+    fn reach(&self, column: usize) -> usize {
+        self.reach[column]
+    }
+
     fn fill(&self, point: &Point<'_>, first: usize, room: &mut Room, stages: &[Stage], entries: &mut [Entries]) {
         for (k, (_, entries)) in (first..).zip(stages.iter().zip(entries)) {
             let Room { base, of_each, rows, trial, whole_step, start, moved } = &mut *room;
@@ -291,10 +317,10 @@ impl ExtraColumns<Problem<'_>> for AllColumns<'_, '_> {
             let half_s = 0.5 * self.base.series.duration_s(k);
             let stage_weight = self.base.stage_weight(k);
             let of_trial = (self.base, point, &self.all[..]);
-            trial.fill(of_trial, k, (false, true), None, base);
+            trial.fill(of_trial, k, (false, true, true), None, base);
             for ((column, asked), scratch) in self.asked.iter().zip(of_each) {
                 let mut column = *column;
-                let how = (asked.by_steps, asked.sees);
+                let how = (asked.by_steps, asked.sees, asked.moves);
                 let mut add = |from: &Prediction, to: &Prediction, by: f64| {
                     for (channel, row) in rows.iter().enumerate().filter(|_| asked.sees) {
                         let difference = to.channels[channel] - from.channels[channel];
@@ -318,7 +344,7 @@ impl ExtraColumns<Problem<'_>> for AllColumns<'_, '_> {
                 let is_trial = !asked.is_something && asked.places.len() == asked.at_start.dynamics.size();
                 let links = asked.keeps_links.then_some(&trial.links);
                 let trial = if asked.by_steps {
-                    whole_step.fill(of_trial, k, (true, true), None, base);
+                    whole_step.fill(of_trial, k, (true, true, true), None, base);
                     &*whole_step
                 } else {
                     &*trial

@@ -21,7 +21,7 @@ use spline::Knots;
 use waves::Waves;
 
 use super::criteria::{COVERED, LEVEL};
-use super::scores::block_scores::{LawScore, score_laws, score_left_beside};
+use super::scores::block_scores::{LawScore, block_scores, score_laws, score_left_beside};
 use super::scores::significance::p_of_family;
 use crate::calibrate::{Bench, BlockScores, CalibrateError, JointState, Trial};
 use crate::effect::Row;
@@ -101,6 +101,8 @@ impl Place {
 pub struct Curves {
     /// Where.
     pub place: Place,
+    /// What they do, by their coefficients.
+    pub law: Arc<dyn Law>,
     /// What the blocks say of them.
     pub score: LawScore,
     /// p of the best of all places.
@@ -129,6 +131,8 @@ struct Tried {
 pub struct Ceiling {
     /// Best first.
     pub curves: Vec<Curves>,
+    /// Of so many.
+    pub places: usize,
     scores: BlockScores,
     laws: Vec<Option<LawScore>>,
 }
@@ -146,12 +150,13 @@ impl Ceiling {
     ) -> Result<Self, CalibrateError> {
         let tried = tried(bench, current);
         let count = tried.len();
-        let all: Vec<Arc<dyn Law>> = tried.iter().map(|tried| &tried.law).chain(laws).cloned().collect();
-        let scores = bench.block_scores(current, &all)?;
+        let all: Vec<Arc<dyn Law>> = laws.iter().chain(tried.iter().map(|tried| &tried.law)).cloned().collect();
+        let scores = block_scores(bench, current, (&all, laws.len()))?;
         let mut of_all = score_laws(&scores, contiguous, true).into_iter().map(|score| score.ok().flatten());
+        let laws = of_all.by_ref().take(laws.len()).collect();
         let mut curves: Vec<Curves> = tried
             .into_iter()
-            .zip(of_all.by_ref().take(count).collect::<Vec<_>>())
+            .zip(of_all)
             .filter_map(|(tried, score)| Some(tried.shown(score?, count)))
             .filter(|curves| curves.gain() > 0.0)
             .collect();
@@ -159,20 +164,23 @@ impl Ceiling {
         for curve in curves.iter().take(6) {
             tracing::debug!(place = ?curve.place, gain = curve.gain(), p = curve.p_family, "curve");
         }
-        let laws = of_all.collect();
-        Ok(Ceiling { curves, scores, laws })
+        Ok(Ceiling { curves, places: count, scores, laws })
     }
 
-    /// The largest gain of a curve that is there for sure and stands for the law: it is on the law's row, or beside it less than
-    /// half of the law's score is left.
+    /// The best of the curves that do what the law does: beside them less than half of its score is left.
+    pub fn like(&self, law: usize) -> Option<&Curves> {
+        let own = self.laws.get(law).and_then(Option::as_ref)?;
+        self.curves.iter().find(|curves| score_left_beside(&self.scores, own, &curves.score) < COVERED)
+    }
+
+    /// What the tangent of the best curve gains that is there for sure, and on the law's row or like the law.
     pub fn over(&self, law: usize, row: Row) -> f64 {
         let own = self.laws.get(law).and_then(Option::as_ref);
         let stands = |curves: &&Curves| {
             let left = |own: &LawScore| score_left_beside(&self.scores, own, &curves.score);
             curves.place.row() == row || own.is_some_and(|own| left(own) < COVERED)
         };
-        let shown = self.curves.iter().filter(|curves| curves.p_family < LEVEL).filter(stands);
-        shown.map(Curves::gain).fold(0.0, f64::max)
+        self.curves.iter().filter(|curves| curves.p_family < LEVEL).find(stands).map_or(0.0, Curves::gain)
     }
 }
 
@@ -210,7 +218,7 @@ impl Tried {
             .collect();
         let p_family = p_of_family(score.p, count);
         let size_of = sizes(&*law, &score);
-        Curves { place, score, p_family, of_joints, size_of }
+        Curves { place, law, score, p_family, of_joints, size_of }
     }
 }
 

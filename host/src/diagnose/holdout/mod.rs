@@ -33,9 +33,17 @@ pub const SHOWN_S: f64 = 0.5;
 
 /// The predictions of one model of the other motion.
 pub struct Predicted {
-    windows: Vec<Windows>,
+    /// Of each recording, by horizon.
+    windows: Vec<Vec<Windows>>,
     /// The model with what is each recording's own.
     own: Vec<Trial>,
+}
+
+impl Predicted {
+    /// Of the first recording, half a second ahead.
+    fn shown(&self) -> Option<&Windows> {
+        self.windows.first()?.iter().find(|windows| (windows.horizon_s - SHOWN_S).abs() < 1e-9)
+    }
 }
 
 /// The other motion.
@@ -61,7 +69,7 @@ impl<'a> Holdout<'a> {
     }
 
     /// What a trial predicts, with what is each recording's own set free: biases, zeros and what its laws have of their own in each recording. States are searched from those of
-    /// another model, `near`, if there is one.
+    /// another model, `near`, if there is one: such a model is predicted over the horizons of the joint gain alone, which is what it is compared by.
     ///
     /// # Errors
     /// As a calibration's or a verification's.
@@ -84,7 +92,8 @@ impl<'a> Holdout<'a> {
             let near = near.map(|near| &near.own[number]);
             let own = bench.of_others(series.clone()).with_own(trial, near, &is_own)?;
             let model = CalibratedModel::of_trial(bench.robot(), bench.preset(), &own)?;
-            predicted.windows.extend(windows(&model, recording)?);
+            let longest_s = if near.is_some() { LONGEST_S } else { f64::INFINITY };
+            predicted.windows.push(windows(&model, recording, longest_s)?);
             predicted.own.push(own);
         }
         Ok(predicted)
@@ -98,7 +107,7 @@ impl<'a> Holdout<'a> {
 
     /// The joint gain over each horizon.
     pub fn by_horizon(&self, base: &Predicted, extended: &Predicted) -> Vec<HorizonGain> {
-        let mut horizons: Vec<f64> = base.windows.iter().map(|windows| windows.horizon_s).collect();
+        let mut horizons: Vec<f64> = base.windows.iter().flatten().map(|windows| windows.horizon_s).collect();
         horizons.sort_by(f64::total_cmp);
         horizons.dedup();
         let of =
@@ -139,10 +148,7 @@ impl<'a> Holdout<'a> {
     /// Measured and predicted half a second ahead, of every channel of the first recording.
     pub fn over_time(&self, base: &Predicted, extended: &Predicted) -> Vec<OverTime> {
         let Some(recording) = self.recordings.first() else { return Vec::new() };
-        let shown = |windows: &&Windows| (windows.horizon_s - SHOWN_S).abs() < 1e-9;
-        let Some((base, extended)) = base.windows.iter().find(shown).zip(extended.windows.iter().find(shown)) else {
-            return Vec::new();
-        };
+        let Some((base, extended)) = base.shown().zip(extended.shown()) else { return Vec::new() };
         let pairs: Vec<(usize, usize)> = pairs(base, extended);
         let end = |start: usize| {
             let goal_s = recording.time_s(start) + SHOWN_S - 0.5 * recording.period_s;
@@ -176,15 +182,13 @@ impl<'a> Holdout<'a> {
     /// Squares of both models' errors by block, of every sensor and each horizon that counts.
     fn cells(&self, base: &Predicted, extended: &Predicted, counts: impl Fn(f64) -> bool) -> Vec<Cell> {
         let mut cells: Vec<Cell> = Vec::new();
-        let per_recording = base.windows.len() / self.recordings.len().max(1);
         let mut first_block = 0;
         for (number, recording) in self.recordings.iter().enumerate() {
             let duration_s = recording.time_s(recording.len() - 1) - recording.time_s(0);
             let block_s = (duration_s * self.recordings.len() as f64 / BLOCKS).max(LEAST_BLOCK_S);
             let blocks = (duration_s / block_s) as usize + 1;
             let sensors = sensors(recording);
-            let own = number * per_recording..(number + 1) * per_recording;
-            for (base, extended) in base.windows[own.clone()].iter().zip(&extended.windows[own]) {
+            for (base, extended) in base.windows[number].iter().zip(&extended.windows[number]) {
                 if !counts(base.horizon_s) {
                     continue;
                 }

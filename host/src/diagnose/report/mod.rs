@@ -1,6 +1,7 @@
 //! What a selection found as users read it: findings with their evidence, what was rejected, verdict, places of what is left, pictures of the defect, one sentence.
 
 pub mod base_fit;
+mod steps;
 
 use crate::calibrate::{Fit, ParameterEstimate};
 use crate::diagnose::axes::{axes, is_of, joint_of};
@@ -20,6 +21,7 @@ use crate::diagnose::selection::{Accepted, Selection, share};
 use crate::effect::{Effect, Role};
 use crate::robot::{JointKind, Robot, Symbol};
 use base_fit::{base_fit, channel_fits};
+use steps::place_of_steps;
 
 /// The first shape is final where less than this share of its part is left.
 const FINAL_SHARE: f64 = 0.05;
@@ -66,7 +68,7 @@ pub fn report(
         .filter(|defect| defect.share >= LEAST_SHARE)
         .collect();
     let ahead_500ms_sigma = channel_fits(judged.extended_ahead_sigma);
-    let unexplained = Unexplained { excess: (left_gain / excess).clamp(0.0, 1.0), ahead_500ms_sigma, places };
+    let mut unexplained = Unexplained { excess: (left_gain / excess).clamp(0.0, 1.0), ahead_500ms_sigma, places };
     let refused = selection.scan.iter().filter(|s| s.p_family < LEVEL && s.score.gain() > 0.0);
     if selection.accepted.is_empty() {
         rejected.extend(refused.clone().take(5).map(|s| Rejected {
@@ -79,6 +81,9 @@ pub fn report(
     let gains = !findings.is_empty() || first_gains || refused.clone().next().is_some();
     let base_fit = base_fit(&base.calibration, judged.ahead_sigma, gains);
     let verdict = verdict(&findings, base_fit.fits, first_gains || refused.clone().next().is_some());
+    if unexplained.places.is_empty() && verdict != Verdict::None {
+        unexplained.places.extend(place_of_steps(robot, base, extended.as_ref().unwrap_or(base)));
+    }
     let scan = selection.scan.iter().map(|s| Candidate {
         effect: s.named.effect.id.to_string(),
         axes: s.axes.clone(),
@@ -411,6 +416,9 @@ fn summary(robot: &Robot, verdict: Verdict, findings: &[Finding], unexplained: &
     let place = unexplained.places.first().map(|defect| {
         let joint = defect.axis.map_or(String::new(), |axis| format!(" at {}", joint(axis)));
         let row = format!("{:?}", defect.row).to_lowercase();
+        if defect.argument == Defect::UNKNOWN {
+            return format!("something on the {row} row{joint} that no curve of one joint's quantities describes");
+        }
         format!("something on the {row} row{joint} that follows the {}", defect.argument.replace('_', " "))
     });
     let why = match verdict {

@@ -6,12 +6,14 @@
 //! The score is a tangent (Rao 1948). What it promises is confirmed by refits, which start from it.
 
 use std::ops::Range;
+use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
 
 use super::cross_validation::{left_out_steps, log_gain};
 use super::significance::{p_of_blocks, p_of_both, p_of_gains};
-use crate::calibrate::{BlockFit, BlockScores, LawBlock, Quadratic};
+use crate::calibrate::{Bench, BlockFit, BlockScores, CalibrateError, LawBlock, Quadratic, Trial};
+use crate::model::law::Law;
 
 /// Directions of a law that keep less than this share of their information beside the shared unknowns cannot be seen.
 const LEAST_INFORMATION: f64 = 1e-6;
@@ -47,9 +49,30 @@ impl LawScore {
     }
 }
 
+/// What the blocks of a bench say of laws on top of a trial. Blocks that the trial predicts badly weigh less. What laws have in common is told of the first
+/// `crossed` of them with all others.
+///
+/// # Errors
+/// A trial that cannot be factorised.
+pub fn block_scores(
+    bench: &Bench<'_>,
+    trial: &Trial,
+    (laws, crossed): (&[Arc<dyn Law>], usize),
+) -> Result<BlockScores, CalibrateError> {
+    let contiguous = bench.is_contiguous();
+    bench.block_scores(trial, (laws, crossed), |base| block_weights(base, &contiguous))
+}
+
+/// Of each block: one over its dispersion, where that is more than noise has.
+fn block_weights(base: &BlockFit, contiguous: &[bool]) -> Vec<f64> {
+    let costs = left_out(base, contiguous).unwrap_or_else(|| base.freedom.clone());
+    let dispersion = costs.iter().zip(&base.freedom).map(|(cost, freedom)| cost / freedom.max(1.0));
+    dispersion.map(|dispersion| dispersion.max(1.0).recip()).collect()
+}
+
 /// What the blocks say of each law: none of one that no column of the motion shows, an error of one whose columns are not finite.
 pub fn score_laws(scores: &BlockScores, contiguous: &[bool], shrunk: bool) -> Vec<Result<Option<LawScore>, NotFinite>> {
-    let Some(without) = Without::of(&scores.base, contiguous) else { return vec![Ok(None); scores.laws.len()] };
+    let Some(without) = costs_without(scores, contiguous) else { return vec![Ok(None); scores.laws.len()] };
     let laws = scores.laws.iter().zip(&scores.columns);
     laws.map(|(blocks, columns)| match (blocks, columns) {
         (Some(blocks), Some(columns)) => score_law((scores, &without), (blocks, columns.clone()), contiguous, shrunk),
@@ -65,32 +88,21 @@ pub struct NotFinite {
     pub columns: usize,
 }
 
-/// The model without any of the laws.
-struct Without {
-    /// Of each block: one over its dispersion. Blocks that the model predicts badly weigh less.
-    weights: Vec<f64>,
-    /// Of each block: Σ r² by what the others, so weighted, say of the shared unknowns.
-    costs: Vec<f64>,
-}
-
-impl Without {
-    fn of(base: &BlockFit, contiguous: &[bool]) -> Option<Self> {
-        let unweighted = left_out(base, contiguous)?;
-        let dispersion = unweighted.iter().zip(&base.freedom).map(|(cost, freedom)| cost / freedom.max(1.0));
-        let weights: Vec<f64> = dispersion.map(|dispersion| dispersion.max(1.0).recip()).collect();
-        let weighted = |(block, weight): (&Quadratic, &f64)| Quadratic {
-            squares: weight * block.squares,
-            gradient: *weight * &block.gradient,
-            information: *weight * &block.information,
-        };
-        let blocks: Vec<Quadratic> = base.blocks.iter().zip(&weights).map(weighted).collect();
-        let steps = left_out_steps(&blocks, &base.prior, contiguous)?;
-        Some(Without { costs: base.blocks.iter().zip(&steps).map(|(block, step)| block.at(step)).collect(), weights })
-    }
+/// Of each block: Σ r² of the model without any of the laws, by what the others, weighted, say of the shared unknowns.
+fn costs_without(scores: &BlockScores, contiguous: &[bool]) -> Option<Vec<f64>> {
+    let base = &scores.base;
+    let weighted = |(block, weight): (&Quadratic, &f64)| Quadratic {
+        squares: weight * block.squares,
+        gradient: *weight * &block.gradient,
+        information: *weight * &block.information,
+    };
+    let blocks: Vec<Quadratic> = base.blocks.iter().zip(&scores.weights).map(weighted).collect();
+    let steps = left_out_steps(&blocks, &base.prior, contiguous)?;
+    Some(base.blocks.iter().zip(&steps).map(|(block, step)| block.at(step)).collect())
 }
 
 fn score_law(
-    (scores, Without { weights, costs: without }): (&BlockScores, &Without),
+    (scores, without): (&BlockScores, &[f64]),
     (blocks, columns): (&[LawBlock], Range<usize>),
     contiguous: &[bool],
     shrunk: bool,
@@ -103,8 +115,8 @@ fn score_law(
     if finite < own {
         return Err(NotFinite { columns: own - finite });
     }
-    let base = &scores.base;
-    let Some(whitening) = whitening(scores, (blocks, columns.clone()), weights) else { return Ok(None) };
+    let (base, weights) = (&scores.base, &scores.weights);
+    let Some(whitening) = whitening(scores, (blocks, columns.clone())) else { return Ok(None) };
     let with_law = |((block, law), weight): ((&Quadratic, &LawBlock), &f64)| extended(block, law, &whitening, *weight);
     let extended: Vec<Quadratic> = base.blocks.iter().zip(blocks).zip(weights).map(with_law).collect();
     let (free, seen) = (base.prior.nrows(), whitening.ncols());
@@ -180,15 +192,11 @@ fn extended(base: &Quadratic, law: &LawBlock, whitening: &DMatrix<f64>, weight: 
 }
 
 /// W with `Wᵀ K_jj W = 1` over the directions that can be seen, K of the weighted blocks with the shared unknowns eliminated.
-fn whitening(
-    scores: &BlockScores,
-    (blocks, columns): (&[LawBlock], Range<usize>),
-    weights: &[f64],
-) -> Option<DMatrix<f64>> {
+fn whitening(scores: &BlockScores, (blocks, columns): (&[LawBlock], Range<usize>)) -> Option<DMatrix<f64>> {
     let (n, free) = (columns.len(), scores.base.prior.nrows());
     let mut shared = scores.base.prior.clone();
     let (mut coupling, mut alone) = (DMatrix::zeros(free, n), DMatrix::zeros(n, n));
-    for ((base, law), weight) in scores.base.blocks.iter().zip(blocks).zip(weights) {
+    for ((base, law), weight) in scores.base.blocks.iter().zip(blocks).zip(&scores.weights) {
         shared += *weight * &base.information;
         coupling += *weight * &law.coupling;
         alone += *weight * &law.information;
@@ -214,7 +222,7 @@ fn whitening(
     }))
 }
 
-/// Information of all blocks about the columns of two laws.
+/// Information of all blocks, by their weights, about the columns of two laws.
 fn information_of(scores: &BlockScores, a: &LawScore, b: &LawScore) -> DMatrix<f64> {
     scores.information.view((a.columns.start, b.columns.start), (a.columns.len(), b.columns.len())).into_owned()
 }
@@ -274,8 +282,7 @@ mod tests {
             laws: Vec::new(),
         };
         let mut laws = vec![Vec::new(); columns];
-        let (mut information, mut coupling, mut shared) =
-            (DMatrix::zeros(columns, columns), DMatrix::zeros(1, columns), 0.0);
+        let mut designs: Vec<DMatrix<f64>> = Vec::new();
         for _ in 0..24 {
             let c = DMatrix::from_fn(40, columns, |_, _| normal());
             let ones = DVector::from_element(40, 1.0);
@@ -297,14 +304,21 @@ mod tests {
                     gradient: DVector::from_element(1, column.dot(&r)),
                 });
             }
-            information += c.transpose() * &c;
-            coupling += ones.transpose() * &c;
-            shared += 40.0;
+            designs.push(c);
+        }
+        let weights = block_weights(&base, &[false; 23]);
+        let (mut information, mut coupling, mut shared) =
+            (DMatrix::zeros(columns, columns), DMatrix::zeros(1, columns), 0.0);
+        for (c, weight) in designs.iter().zip(&weights) {
+            information += *weight * (c.transpose() * c);
+            coupling += *weight * c.row_sum();
+            shared += weight * 40.0;
         }
         let alone = information.diagonal();
         let information = &information - coupling.transpose() * &coupling / shared;
         let laws = laws.into_iter().map(Some).collect();
-        BlockScores { base, laws, columns: (0..columns).map(|j| Some(j..j + 1)).collect(), information, alone }
+        let columns = (0..columns).map(|j| Some(j..j + 1)).collect();
+        BlockScores { base, laws, columns, weights, information, alone }
     }
 
     fn scored(scores: &BlockScores) -> Vec<LawScore> {

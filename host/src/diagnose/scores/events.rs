@@ -8,7 +8,7 @@
 
 use std::sync::Arc;
 
-use super::block_scores::score_laws;
+use super::block_scores::{block_scores, score_laws};
 use super::significance::{p_of_family, p_of_ratio};
 use crate::calibrate::{Bench, CalibrateError, Trial, Trimmed};
 use crate::diagnose::catalogue::{Candidate, Named};
@@ -49,7 +49,7 @@ pub fn timed((bench, current): (&Bench<'_>, &Trial), mut named: Named) -> Result
     for step in FINER {
         let shifts = (-ON_EACH_SIDE..=ON_EACH_SIDE).map(|i| f64::from(i) * step * period_s);
         let laws: Vec<Arc<dyn Law>> = shifts.filter_map(|by_s| named.law.later(by_s)).collect();
-        let scores = score_laws(&bench.block_scores(current, &laws)?, &contiguous, false);
+        let scores = score_laws(&block_scores(bench, current, (&laws, 0))?, &contiguous, false);
         let score = |score: &Result<Option<super::block_scores::LawScore>, _>| {
             score.as_ref().ok().and_then(|score| score.as_ref()).map_or(0.0, |score| score.score)
         };

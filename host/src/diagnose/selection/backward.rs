@@ -46,8 +46,7 @@ pub fn losses(refit: &Refit<'_>, selection: &mut Selection) -> Vec<Loss> {
 }
 
 /// What came in first may have stood for what came in last: dropped where the others predict as well without it.
-pub(super) fn drop_superfluous(refit: &Refit<'_>, selection: &mut Selection) -> Result<bool, CalibrateError> {
-    let before = selection.accepted.len();
+pub(super) fn drop_superfluous(refit: &Refit<'_>, selection: &mut Selection) -> Result<(), CalibrateError> {
     let mut losses: Vec<Loss> = Vec::new();
     while losses.len() < selection.accepted.len() {
         let place = losses.len();
@@ -71,7 +70,7 @@ pub(super) fn drop_superfluous(refit: &Refit<'_>, selection: &mut Selection) -> 
         }
     }
     selection.losses = Some(losses);
-    Ok(selection.accepted.len() < before)
+    Ok(())
 }
 
 /// Beside another cause, what predicted best alone may be predicted better by a rival.

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::super::axes::axes_of_step;
 use super::super::catalogue::{Candidate, Named};
 use super::super::refit::Refit;
-use super::super::scores::block_scores::score_laws;
+use super::super::scores::block_scores::{block_scores, score_laws};
 use super::super::scores::events::{at_worst_times, p_of_event};
 use super::super::scores::significance::p_of_family;
 use super::state::{Scanned, Selection};
@@ -35,7 +35,7 @@ pub(super) fn scan(refit: &Refit<'_>, selection: &Selection, candidates: &[Candi
         named.extend(laws.into_iter().map(|law| Named { effect: candidate.effect, law }));
     }
     let laws: Vec<Arc<dyn Law>> = named.iter().map(|named| named.law.clone()).collect();
-    let scores = bench.block_scores(&trial, &laws)?;
+    let scores = block_scores(&bench, &trial, (&laws, laws.len()))?;
     let of_each = score_laws(&scores, &bench.is_contiguous(), false);
     let count = of_each.iter().filter(|score| matches!(score, Ok(Some(_)))).count();
     let (mut scanned, mut not_finite): (Vec<Scanned>, Vec<(&'static str, usize)>) = (Vec::new(), Vec::new());

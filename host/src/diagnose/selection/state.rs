@@ -2,6 +2,7 @@
 
 use super::super::axes::axes_of_joints;
 use super::super::catalogue::Named;
+use super::super::curves::Curves;
 use super::super::interval::{Gain, bca};
 use super::super::refit::Fitted;
 use super::super::scores::block_scores::LawScore;
@@ -87,6 +88,8 @@ pub struct Selection {
     pub base: Fitted,
     /// The scan of the base model, best first.
     pub scan: Vec<Scanned>,
+    /// Curves on top of the base model, best first, where laws were held against them.
+    pub base_curves: Option<Vec<Curves>>,
     /// Effects whose columns are not numbers.
     pub not_finite: Vec<(&'static str, usize)>,
     /// Laws that a scan looks at.
@@ -105,11 +108,17 @@ impl Selection {
             current: base.clone(),
             base,
             scan: Vec::new(),
+            base_curves: None,
             not_finite: Vec::new(),
             tests: 1,
             path: Vec::new(),
             losses: None,
         }
+    }
+
+    /// Effects in the order in which they were accepted.
+    pub(super) fn ids(&self) -> Vec<&'static str> {
+        self.accepted.iter().map(|accepted| accepted.named.effect.id).collect()
     }
 
     /// Another model takes the place of the current one.

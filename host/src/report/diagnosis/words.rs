@@ -84,6 +84,9 @@ impl<'a> Names<'a> {
     /// A place of a misfit.
     pub fn place(&self, defect: &Defect) -> String {
         let joint = defect.axis.map_or_else(String::new, |axis| format!(" of {}", self.joint(axis)));
+        if defect.argument == Defect::UNKNOWN {
+            return format!("{}{joint}, whose steps err most", equation(defect.row));
+        }
         format!("{}{joint}, as a function of the {}", equation(defect.row), argument(&defect.argument))
     }
 }
@@ -135,8 +138,8 @@ pub fn still_missed(diagnosis: &Diagnosis, names: &Names<'_>) -> Option<String> 
     let ahead = diagnosis.unexplained.ahead_500ms_sigma.iter().filter(|fit| fit.value.is_finite());
     let worst = ahead.max_by(|a, b| a.value.total_cmp(&b.value)).filter(|worst| worst.value > AT_NOISE)?;
     let channel = names.channel(&worst.channel);
-    let nowhere =
-        if diagnosis.unexplained.places.is_empty() { ", and no curve of one joint's quantities shows why" } else { "" };
+    let shown = diagnosis.unexplained.places.iter().any(|defect| defect.argument != Defect::UNKNOWN);
+    let nowhere = if !shown { ", and no curve of one joint's quantities shows why" } else { "" };
     Some(format!(
         "With all causes in the model, {channel} is still missed by {:.1} standard deviations of the sensor half a second ahead{nowhere}.",
         worst.value
