@@ -51,6 +51,15 @@ pub fn recordings(story: &str) -> Option<PathBuf> {
     folder
 }
 
+/// The same for a story that takes more than five minutes of a processor: `LONG_STORIES=1` asks for it.
+pub fn long_recordings(story: &str) -> Option<PathBuf> {
+    if std::env::var_os("LONG_STORIES").is_none() {
+        eprintln!("SKIPPED {story}: it takes more than five minutes; LONG_STORIES=1 asks for it");
+        return None;
+    }
+    recordings(story)
+}
+
 /// A result file.
 ///
 /// # Panics

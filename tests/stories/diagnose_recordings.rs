@@ -5,7 +5,7 @@ use std::ops::Range;
 use std::path::Path;
 
 use serde_json::Value;
-use tests::{estimate, host_succeeds, json, recordings, run_host};
+use tests::{estimate, host_succeeds, json, long_recordings, recordings, run_host};
 
 /// Diagnoses the calibration recording of a robot, with its validation recording held out. The exit code, DIAG.json, and the page.
 fn diagnosed(folder: &Path, robot: &str) -> (i32, Value, String) {
@@ -178,7 +178,7 @@ fn small_effects_side_by_side_are_named_and_nothing_that_is_not_there() {
 
 #[test]
 fn gyros_that_lag_are_the_main_cause_among_small_effects() {
-    let Some(folder) = recordings("diagnosis of lagging gyros among small effects") else { return };
+    let Some(folder) = long_recordings("diagnosis of lagging gyros among small effects") else { return };
     let (exit, diag, _) = diagnosed(&folder, "dirty_gyro_lag");
     assert!(exit == 10 || exit == 12, "named, or named with its rivals: {exit}");
     // A group delay of 3.5 ms, by two equal poles.
@@ -190,7 +190,7 @@ fn gyros_that_lag_are_the_main_cause_among_small_effects() {
 
 #[test]
 fn a_friction_that_no_law_has_keeps_its_place_without_a_name_among_small_effects() {
-    let Some(folder) = recordings("diagnosis of an unknown cause among small effects") else { return };
+    let Some(folder) = long_recordings("diagnosis of an unknown cause among small effects") else { return };
     let (_, diag, _) = diagnosed(&folder, "dirty_outsider");
     nothing_false_is_named(&diag, &OTHER_BACKGROUND, &[]);
     // The friction of the second motor follows the third joint's angle.

@@ -266,11 +266,8 @@ impl Task<'_> {
 
         problem.shift_readings(&start.z);
         if estimated && self.by_torques.is_some() {
-            reml::estimate(&mut problem, robot, &start, settings.threads)?;
             let settled = reml::states(&problem, &start, settings.threads)?;
-            if screened.look(&mut problem, &settled, settings.threads) {
-                reml::estimate(&mut problem, robot, &settled, settings.threads)?;
-            }
+            screened.look(&mut problem, &settled, settings.threads);
         }
         let at_start = problem.noise().clone();
         let mut found = search::search(&problem, robot, &start, &structural, opening, &mut progress)?;
@@ -326,6 +323,10 @@ impl Task<'_> {
         if let Some(torques) = self.by_torques.filter(|_| !disagree.is_empty()) {
             problem.set_noise(at_start);
             specification::at_torques(&problem, torques, &mut found, &structural, settings)?;
+            if estimated {
+                floor = Some(reml::estimate(&mut problem, robot, &found.solution.point, settings.threads)?.floor);
+                specification::at_torques(&problem, torques, &mut found, &structural, settings)?;
+            }
         }
         let clock = Instant::now();
         let residue = reml::residue(&problem, &found.solution.point, settings.threads)?;

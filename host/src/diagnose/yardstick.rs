@@ -21,7 +21,6 @@ pub fn yardstick(robot: &Robot, series: &Series) -> Noise {
     let mut noise = Noise {
         channels: series.channels.iter().map(|channel| channel.sigma).collect(),
         process: vec![0.0; model.layout().size()],
-        correlation_s: vec![0.0; model.layout().inputs().len()],
     };
     // An input that is a measurement errs by a share of its root mean square.
     noise.process[model.layout().inputs()].copy_from_slice(&of_inputs(robot, model.layout(), series));

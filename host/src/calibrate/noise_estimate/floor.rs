@@ -43,7 +43,6 @@ pub(crate) fn floor(problem: &Problem<'_>, robot: &Robot, point: &Point<'_>) -> 
     let mut floor = Noise {
         channels: series.channels.iter().map(|channel| LEAST_SHARE * channel.sigma).collect(),
         process: squares.into_iter().map(|square| (square / count).sqrt()).collect(),
-        correlation_s: vec![0.0; layout.inputs().len()],
     };
     floor.join_positions(layout, period_s / count, LEAST_SPEED);
     floor.allow_unmodelled(robot, layout);

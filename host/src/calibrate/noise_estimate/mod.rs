@@ -1,6 +1,5 @@
 //! The noise of sensors and of the model's steps from the recording, and readings that no noise explains.
 
-mod correlation;
 pub(crate) mod floor;
 pub(crate) mod outliers;
 mod pushes;

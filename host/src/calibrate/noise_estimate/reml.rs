@@ -15,7 +15,6 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::correlation;
 use super::floor;
 use super::windows::Windows;
 use crate::calibrate::residuals::noise::{self, LEAST_SPEED, Noise};
@@ -26,8 +25,6 @@ use crate::robot::{InputNoise, Robot};
 use solve::columns::{self, Entries, ExtraColumns};
 use solve::error::SolveError;
 use solve::factor::Factor;
-use solve::inverse::log_determinant_of_states;
-use solve::levenberg;
 use solve::{LeastSquares, Stage, Step};
 
 /// Samples that are looked at, where the recording is longer.
@@ -197,10 +194,7 @@ pub(crate) fn estimate<'m>(
     let floor = floor::floor(problem, robot, point);
     let mut ascent = Ascent::new(problem, robot, floor, point.clone(), threads);
     problem.set_noise(ascent.bounded(problem.noise().clone()));
-    let mut rounds = ascent.climb(problem, SAMPLES, MOST_ROUNDS)?;
-    if robot.input_noise() == InputNoise::Unknown && correlation::choose(problem, &mut ascent)? {
-        rounds += ascent.climb(problem, SAMPLES, MOST_ROUNDS)?;
-    }
+    let rounds = ascent.climb(problem, SAMPLES, MOST_ROUNDS)?;
     Ok(Estimate { floor: ascent.floor, rounds })
 }
 
@@ -216,7 +210,7 @@ pub(crate) fn states<'m>(problem: &Problem<'m>, point: &Point<'m>, threads: usiz
 }
 
 /// A search for the noise at fixed shared unknowns, the states following.
-pub(super) struct Ascent<'m> {
+struct Ascent<'m> {
     floor: Noise,
     point: Point<'m>,
     layout: Layout,
@@ -249,7 +243,7 @@ impl<'m> Ascent<'m> {
     }
 
     /// Takes up to `most` steps of all standard deviations by so many samples; how many were taken.
-    pub(super) fn climb(&mut self, problem: &mut Problem<'m>, samples: usize, most: usize) -> Result<usize, SolveError> {
+    fn climb(&mut self, problem: &mut Problem<'m>, samples: usize, most: usize) -> Result<usize, SolveError> {
         let channels = problem.series.channels.len();
         let mut rounds = 0;
         let mut last: Option<(DVector<f64>, DVector<f64>)> = None;
@@ -282,9 +276,8 @@ impl<'m> Ascent<'m> {
                 gain += 0.5 * slope[g] * made[g];
             }
             last = Some((made, slope));
-            let correlation_s = problem.noise().correlation_s.clone();
             let process = next.split_off(channels);
-            let noise = self.bounded(Noise { channels: next, process, correlation_s });
+            let noise = self.bounded(Noise { channels: next, process });
             tracing::debug!(rounds, gain, ?noise, "restricted maximum likelihood");
             problem.set_noise(noise);
             if gain < LEAST_GAIN || rounds == most {
@@ -304,28 +297,6 @@ impl<'m> Ascent<'m> {
         self.point = moved;
         factor.factorise_somehow(&grouped.windows, &self.point, self.threads)?;
         Ok(factor)
-    }
-
-    /// ln of the restricted likelihood under the present noise by so many samples, but for a constant: −½ Σ r² − ½ ln |H_xx| + Σ ln of all rows' weights.
-    pub(super) fn log_likelihood(&mut self, problem: &Problem<'m>, samples: usize) -> Result<f64, SolveError> {
-        let grouped = Grouped::of(problem, &self.point, samples);
-        let factor = self.follow(&grouped)?;
-        let noise = problem.noise();
-        let sigmas = noise.channels.iter().chain(&noise.process);
-        let mut log_weights: f64 = grouped.rows.iter().zip(sigmas).map(|(rows, sigma)| -(*rows as f64) * sigma.ln()).sum();
-        for k in 0..grouped.windows.shape().stages {
-            let (k, end) = grouped.windows.stage(k);
-            if problem.linked(k) && k + 1 < end {
-                let duration_s = problem.series.duration_s(k);
-                let shares = (0..self.layout.inputs().len()).map(|input| noise.input_step(input, duration_s).1);
-                log_weights -= shares.map(f64::ln).sum::<f64>();
-            }
-            if problem.series.starts_run(k) {
-                log_weights -= self.layout.inputs().map(|i| noise.process[i].ln()).sum::<f64>();
-            }
-        }
-        let cost = levenberg::total_cost(&grouped.windows, &self.point, self.threads);
-        Ok(log_weights - cost - 0.5 * log_determinant_of_states(&factor))
     }
 }
 

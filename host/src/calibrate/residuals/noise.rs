@@ -12,8 +12,6 @@ pub struct Noise {
     pub channels: Vec<f64>,
     /// Of what one step of the model misses, every state component in its own unit, over a sample period; of a measured input its error's own.
     pub process: Vec<f64>,
-    /// In which the error of a measured input falls to 1/e of what it was, s, one an input; zero where it is white. See [`Noise::input_step`].
-    pub correlation_s: Vec<f64>,
 }
 
 /// White torque noise over a step of T moves the speed by σ and the position by T/√3 σ. Positions are never taken for better known than that …
@@ -28,7 +26,6 @@ impl Noise {
         let mut noise = Noise {
             channels: series.channels.iter().map(|channel| channel.sigma).collect(),
             process: by_component(model, assumptions.process.over(robot.sample_period_s)),
-            correlation_s: vec![0.0; model.layout().inputs().len()],
         };
         let layout = model.layout();
         noise.process[layout.inputs()].copy_from_slice(&of_inputs(robot, layout, series));
@@ -84,19 +81,7 @@ impl Noise {
                 process[to] = self.process[from];
             }
         }
-        let correlation_s = if from.inputs().len() == to.inputs().len() { &self.correlation_s } else { &assumed.correlation_s };
-        Noise { channels: self.channels.clone(), process, correlation_s: correlation_s.clone() }
-    }
-
-    /// How the error e of a measured input goes on over a step, `e[k+1] = ρ e[k] + w`: ρ, and the standard deviation of w over that of e, which lasts as
-    /// a whole: √(1 − ρ²) (Gauss and Markov's process of first order).
-    pub fn input_step(&self, input: usize, duration_s: f64) -> (f64, f64) {
-        let correlation_s = self.correlation_s[input];
-        if correlation_s <= 0.0 {
-            return (0.0, 1.0);
-        }
-        let steps = duration_s / correlation_s;
-        ((-steps).exp(), (-(-2.0 * steps).exp_m1()).sqrt())
+        Noise { channels: self.channels.clone(), process }
     }
 
     /// How many times as large the noise of the steps is as that of `other`, at most.

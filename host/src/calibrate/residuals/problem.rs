@@ -289,12 +289,12 @@ impl<'m> Problem<'m> {
         stepper.step_slopes(&point.dynamics, point.state(k), input, duration_s, slopes);
         let columns = point.dynamics.columns();
         let after = point.state(k + 1);
+        // Errors of inputs are white.
         let errors = self.model.layout().inputs();
         for (i, &weight) in self.process_weight.iter().enumerate() {
             if errors.contains(&i) {
-                let [from, to] = self.error_step(k, i - errors.start);
-                let mut row = stage.transition_row(i, to, from * point.state(k)[i] - to * after[i]);
-                row.add_state(i, from);
+                let weight = weight / self.series.input_spread(k + 1, i - errors.start);
+                stage.transition_row(i, weight, -weight * after[i]);
                 continue;
             }
             let mut row = stage.transition_row(i, weight, weight * (slopes.next[i] - after[i]));
@@ -327,20 +327,10 @@ impl<'m> Problem<'m> {
                 sum += (weight * (next[i] - after[i])).powi(2);
             }
             for (joint, i) in errors.enumerate() {
-                let [from, to] = self.error_step(k, joint);
-                sum += (from * point.state(k)[i] - to * after[i]).powi(2);
+                sum += (self.process_weight[i] / self.series.input_spread(k + 1, joint) * after[i]).powi(2);
             }
         }
         sum
-    }
-
-    /// The row of what the error of a measured input does from stage k to the next: factors of both. Where more error is allowed it is so many times a process
-    /// of the usual size.
-    fn error_step(&self, k: usize, joint: usize) -> [f64; 2] {
-        let component = self.model.layout().inputs().start + joint;
-        let (lasts, share) = self.noise.input_step(joint, self.series.duration_s(k));
-        let weight = self.process_weight[component] / share;
-        [lasts * weight / self.series.input_spread(k, joint), weight / self.series.input_spread(k + 1, joint)]
     }
 
     /// Where the model carries the state of stage k; errors of inputs stay.
