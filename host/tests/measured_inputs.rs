@@ -26,13 +26,7 @@ const SLOPE: f64 = 50.0;
 
 /// A table `t,u,q` of `seconds`: position control of `period_s` along a sum of sines of these amplitudes (rad) and frequencies (Hz); torque and position
 /// with noise of these deviations (N m, rad).
-fn table(
-    pendulum: Pendulum,
-    times: (f64, f64),
-    sines: &[(f64, f64)],
-    noise: (f64, f64),
-    seed: u64,
-) -> String {
+fn table(pendulum: Pendulum, times: (f64, f64), sines: &[(f64, f64)], noise: (f64, f64), seed: u64) -> String {
     pushed_table(pendulum, times, sines, (noise, seed), |_| 0.0)
 }
 
@@ -63,8 +57,9 @@ fn pushed_table(
         let (to, rate) = wanted(t);
         let u = weight * q.sin() + 40.0 * inertia / 0.15 * (to - q) + 2.5 * inertia / 0.15 * (rate - v);
         writeln!(text, "{t:.6},{:.6},{:.7}", u + normal(noise.0), q + normal(noise.1)).unwrap();
-        let acceleration =
-            |q: f64, v: f64| (u + push(t) - weight * q.sin() - viscous * v - coulomb * (0.5 * SLOPE * v).tanh()) / inertia;
+        let acceleration = |q: f64, v: f64| {
+            (u + push(t) - weight * q.sin() - viscous * v - coulomb * (0.5 * SLOPE * v).tanh()) / inertia
+        };
         let (parts, mut left) = (20, 20);
         let h = period_s / f64::from(parts);
         while left > 0 {

@@ -31,8 +31,8 @@ use super::result::misfit;
 use super::result::summary;
 use super::result::untold_ages;
 use super::scatter;
-use super::search::{marginal, specification};
 use super::search::{self, Found};
+use super::search::{marginal, specification};
 use crate::effect::Effect;
 use crate::model::Model;
 use crate::recording::Recording;
@@ -274,7 +274,9 @@ impl Task<'_> {
         let scatter = |problem: &Problem<'m>, found: &Found<'m>| {
             let directions: Vec<_> = found.held.iter().map(|held| held.direction.clone()).collect();
             let is_asked = self.method.preset != Preset::Paper;
-            is_asked.then(|| scatter::between_blocks(problem, robot, &found.solution.point, &directions, settings.threads))?
+            is_asked.then(|| {
+                scatter::between_blocks(problem, robot, &found.solution.point, &directions, settings.threads)
+            })?
         };
         let disagreements = |problem: &Problem<'m>, found: &Found<'m>| match self.by_torques {
             Some(torques) if self.method.preset != Preset::Paper => {

@@ -124,8 +124,7 @@ mod tests {
         let noise = |k: usize| 0.1 * (12.0f64).sqrt() * (((k * 7919) % 1000) as f64 / 1000.0 - 0.5);
         let x: Vec<f64> = (0..1000).map(|k| k as f64 / 1000.0).collect();
         let columns = DMatrix::from_fn(1000, 2, |i, j| if j == 0 { 1.0 } else { x[i] });
-        let residual =
-            DVector::from_fn(1000, |i, _| 2.0 + 3.0 * x[i] + noise(i) - if i >= 900 { 50.0 } else { 0.0 });
+        let residual = DVector::from_fn(1000, |i, _| 2.0 + 3.0 * x[i] + noise(i) - if i >= 900 { 50.0 } else { 0.0 });
         let roots = root_weights(&columns, &residual, &[1000], 1e-6).unwrap();
         let weighted = DMatrix::from_fn(1000, 2, |i, j| roots[i] * columns[(i, j)]);
         let found = weighted.svd(true, true).solve(&roots.component_mul(&residual), 1e-9).unwrap();

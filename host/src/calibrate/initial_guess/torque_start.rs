@@ -47,9 +47,8 @@ pub(crate) fn of(model: &Model, robot: &Robot, series: &Series) -> Option<Torque
     let mut held = Vec::new();
     loop {
         let impossible = |z: &[f64]| -> Vec<usize> {
-            let of = |(i, c): (usize, &Coordinate)| {
-                !z[i].is_finite() || !c.spec.symbol.has_either_sign() && z[i] <= 0.0
-            };
+            let of =
+                |(i, c): (usize, &Coordinate)| !z[i].is_finite() || !c.spec.symbol.has_either_sign() && z[i] <= 0.0;
             let found = model.coordinates().iter().enumerate().filter(|found| of(*found)).map(|(i, _)| i);
             found.filter(|i| !held.contains(i)).collect()
         };

@@ -254,8 +254,7 @@ impl<'m> Ascent<'m> {
             let (dof, squares, information) = grouped.statistics(&self.point, &factor, PROBES, self.threads);
 
             let lowest: Vec<f64> = self.floor.channels.iter().chain(&self.floor.process).copied().collect();
-            let present: Vec<f64> =
-                problem.noise().channels.iter().chain(&problem.noise().process).copied().collect();
+            let present: Vec<f64> = problem.noise().channels.iter().chain(&problem.noise().process).copied().collect();
             let slope = DVector::from_fn(dof.len(), |g, _| 0.5 * (squares[g] - dof[g]));
             let free: Vec<usize> = (0..dof.len())
                 .filter(|&g| {
@@ -270,7 +269,8 @@ impl<'m> Ascent<'m> {
             let mut gain = 0.0;
             for (&g, newton) in free.iter().zip(newton.iter()) {
                 let newton = newton.clamp(-LARGEST_CHANGE, LARGEST_CHANGE);
-                let change = last.as_ref().map_or(newton, |(made, before)| between(newton, slope[g], made[g], before[g]));
+                let change =
+                    last.as_ref().map_or(newton, |(made, before)| between(newton, slope[g], made[g], before[g]));
                 next[g] = (present[g] * (0.5 * change).exp()).max(lowest[g]);
                 made[g] = 2.0 * (next[g] / present[g]).ln();
                 gain += 0.5 * slope[g] * made[g];

@@ -90,7 +90,8 @@ pub(crate) fn at_torques<'m>(
     let not_shown = not_shown.filter(|i| structural.iter().all(|held| held.shares[*i] != 1.0)).map(|i| Held {
         direction: unit(i),
         shares: unit(i),
-        reason: "the torques of slow motion do not show it, and the faster motion is not that of this model".to_string(),
+        reason: "the torques of slow motion do not show it, and the faster motion is not that of this model"
+            .to_string(),
         convention: false,
     });
     found.held = structural.iter().cloned().chain(not_shown).collect();
