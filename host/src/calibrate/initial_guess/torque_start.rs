@@ -8,7 +8,7 @@ use nalgebra::DMatrix;
 
 use crate::calibrate::data::series::Series;
 use crate::inverse_dynamics::{self, Cornered, Identified, Readings, SHORTEST_RUN};
-use crate::model::{Coordinate, Model};
+use crate::model::Model;
 use crate::robot::{ChannelKind, Robot, Symbol};
 
 /// What the torques show.
@@ -46,15 +46,16 @@ pub(crate) fn of(model: &Model, robot: &Robot, series: &Series) -> Option<Torque
     let start = model.coordinates().start();
     let mut held = Vec::new();
     loop {
-        let impossible = |z: &[f64]| -> Vec<usize> {
-            let of =
-                |(i, c): (usize, &Coordinate)| !z[i].is_finite() || !c.spec.symbol.has_either_sign() && z[i] <= 0.0;
-            let found = model.coordinates().iter().enumerate().filter(|found| of(*found)).map(|(i, _)| i);
-            found.filter(|i| !held.contains(i)).collect()
-        };
-        let Cornered { motion, identified: Identified { z, covariance }, .. } =
-            inverse_dynamics::corner(&readings, &exact, (&start, &held), |z| impossible(z).len())?;
-        let impossible = impossible(&z);
+        let Cornered { motion, identified: Identified { z, covariance } } =
+            inverse_dynamics::corner(&readings, &exact, &start, &held)?;
+        let impossible: Vec<usize> = model
+            .coordinates()
+            .iter()
+            .enumerate()
+            .filter(|(i, c)| !z[*i].is_finite() || !c.spec.symbol.has_either_sign() && z[*i] <= 0.0)
+            .map(|(i, _)| i)
+            .filter(|i| !held.contains(i))
+            .collect();
         if impossible.is_empty() {
             let per_input = |joint: usize| {
                 let constant =

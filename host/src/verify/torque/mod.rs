@@ -99,7 +99,7 @@ pub struct TorqueParameter {
 }
 
 /// Compares the torques of `recording` with the model of `calibration` at its own parameters and at those that the recipe finds on
-/// `identified_on`. Positions are filtered at `corner_hz`, or where it is not given at the corner whose motion explains the torques best.
+/// `identified_on`. Positions are filtered at `corner_hz`, or where it is not given at the highest corner that no lower one refutes.
 ///
 /// # Errors
 /// [`VerifyError`]; [`TorqueError`] for robots and models that the recipe is not for.
@@ -204,7 +204,7 @@ fn motion(model: &CalibratedModel, recording: &Recording, corner_hz: Option<f64>
     let readings: Vec<Readings> = readings.filter(whole).collect();
     let motion = match corner_hz {
         Some(hz) => Motion::of(&readings, (hz * recording.period_s).min(HIGHEST_CORNER)),
-        None => inverse_dynamics::corner(&readings, model.model(), (model.z(), &[]), |_| 0).map(|found| found.motion),
+        None => inverse_dynamics::corner(&readings, model.model(), model.z(), &[]).map(|found| found.motion),
     };
     motion.ok_or(TorqueError::NoMotion)
 }
