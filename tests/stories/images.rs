@@ -71,6 +71,6 @@ fn told(board: &str) -> [u64; 2] {
 fn the_images_doggy_is_the_hosts() {
     let robot = Robot::builtin("doggy").unwrap();
     let plant = Plant::new(&robot, &Truth::nominal(&robot), Vec::new()).unwrap();
-    let board = Board::new(&robot, World::new(&robot, plant, 1).unwrap()).unwrap();
+    let board = Board::new(&robot, World::new(&robot, plant, 1).unwrap().with_real_gyros(&robot, 1, true)).unwrap();
     assert_eq!(*board.config(), firmware::robot::doggy());
 }

@@ -20,6 +20,8 @@ const NEXT_CORNER: f64 = 0.5;
 /// F from which on a corner is refuted: of normal residuals and five unknowns one in five hundred. On the pendulums of DFKI attenuated corners have tens to
 /// hundreds; half and double have not been tried.
 const REFUTED: f64 = 4.0;
+/// Rows for an unknown below which a corner refutes none: a robust scale of fewer is that of chance.
+const FEWEST_ROWS: f64 = 4.0;
 /// Scales at which residuals are clipped before they are squared.
 const CLIPPED: f64 = 3.0;
 
@@ -51,7 +53,8 @@ pub fn corner(readings: &[Readings], model: &Model, z: &[f64], held: &[usize]) -
 impl Cornered {
     /// Whether a lower corner does not refute this one.
     fn stands(&self, low: &Cornered, model: &Model, unknowns: f64) -> bool {
-        let decimation = low.motion.decimation();
+        // What a corner leaves is told by one sample of so many, however many the least squares keep.
+        let decimation = (1.0 / low.motion.corner()).round() as usize;
         let of = |cornered: &Cornered| cornered.motion.every(decimation, model, &cornered.identified.z, true);
         let (mut own, mut lows, mut rows) = (0.0, 0.0, 0usize);
         for (high, low) in of(self).iter().zip(&of(low)) {
@@ -61,7 +64,8 @@ impl Cornered {
             lows += squares(low);
             rows += low.len();
         }
-        // What is no number is no better than anything.
-        (own - lows) / lows * (rows as f64 - unknowns) / unknowns <= REFUTED || lows.is_nan()
+        let rows = rows as f64;
+        // What is no number is no better than anything, and few rows follow any parameters.
+        rows < FEWEST_ROWS * unknowns || lows.is_nan() || (own - lows) / lows * (rows - unknowns) / unknowns <= REFUTED
     }
 }
