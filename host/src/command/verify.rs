@@ -32,7 +32,7 @@ pub struct Args {
     /// With --metric torque: the recording on which the recipe finds its parameters, if not RUN itself
     #[arg(long, value_name = "RUN0")]
     identify_on: Option<PathBuf>,
-    /// With --metric torque: corner of the low-pass of positions, Hz; if it is not given, the highest that no lower one refutes
+    /// With --metric torque: corner of the low-pass of positions, Hz; if it is not given, the highest whose motion explains the torques
     #[arg(long, value_name = "HZ")]
     corner: Option<f64>,
     #[command(flatten)]

@@ -7,7 +7,7 @@
 //! The recipe of inverse dynamics identification (Gautier; Janot, Vandanjon, Gautier 2014): torques are linear in the parameters, so that the answer does
 //! not depend on where it starts. A calibration of a rigid robot starts from it, and `verify --metric torque` compares with it.
 //!
-//! The corner of the low-pass is chosen from the torques ([`corner`]): the highest one whose parameters no lower one refutes.
+//! The corner of the low-pass is chosen from the torques ([`corner`]): the highest one whose motion explains the torques as they were read.
 
 mod corner;
 mod lowpass;

@@ -46,7 +46,7 @@ pub(crate) fn of(model: &Model, robot: &Robot, series: &Series) -> Option<Torque
     let start = model.coordinates().start();
     let mut held = Vec::new();
     loop {
-        let Cornered { motion, identified: Identified { z, covariance } } =
+        let Cornered { motion, identified: Identified { z, covariance }, .. } =
             inverse_dynamics::corner(&readings, &exact, &start, &held)?;
         let impossible: Vec<usize> = model
             .coordinates()

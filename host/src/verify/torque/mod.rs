@@ -99,7 +99,7 @@ pub struct TorqueParameter {
 }
 
 /// Compares the torques of `recording` with the model of `calibration` at its own parameters and at those that the recipe finds on
-/// `identified_on`. Positions are filtered at `corner_hz`, or where it is not given at the highest corner that no lower one refutes.
+/// `identified_on`. Positions are filtered at `corner_hz`, or where it is not given at the highest corner whose motion explains the torques.
 ///
 /// # Errors
 /// [`VerifyError`]; [`TorqueError`] for robots and models that the recipe is not for.
