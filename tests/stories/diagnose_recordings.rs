@@ -161,7 +161,7 @@ const OTHER_BACKGROUND: [&str; 6] =
 
 #[test]
 fn small_effects_side_by_side_are_named_and_nothing_that_is_not_there() {
-    let Some(folder) = recordings("diagnosis of many small effects") else { return };
+    let Some(folder) = long_recordings("diagnosis of many small effects") else { return };
     let (exit, diag, _) = diagnosed(&folder, "dirty_background");
     assert!(exit == 10 || exit == 12, "named, or named with its rivals: {exit}");
     nothing_false_is_named(&diag, &BACKGROUND, &ALIKE);
