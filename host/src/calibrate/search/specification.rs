@@ -85,7 +85,7 @@ pub(crate) fn at_torques<'m>(
     let from = Point { z: torques.z.clone(), dynamics, ..found.solution.point.clone() };
     let mut solution = levenberg::minimise(problem, from, &directions, settings, |_, _| {})?;
     let before = &mut found.solution;
-    solution.add_before(std::mem::take(&mut before.iterations), before.seconds.clone());
+    solution.add_before(std::mem::take(&mut before.iterations), before.seconds);
     found.solution = solution;
     let not_shown = (0..torques.z.len()).filter(|i| torques.std_error(*i).is_none());
     let not_shown = not_shown.filter(|i| structural.iter().all(|held| held.shares[*i] != 1.0)).map(|i| Held {
