@@ -46,7 +46,7 @@ const ROUGH: f64 = 1e-5;
 /// The same where a trial has found the shared unknowns: the estimate of the noise that follows takes the states' step that is left.
 const TRIED: f64 = 1e-2;
 
-/// Iterations of a first search from what torques have shown, after which both are compared. A model that fits takes four to eight.
+/// Iterations of a first search from what torques have shown, after which both are compared. Half and double have not been tried.
 const NEAR: usize = 10;
 
 /// Iterations in which states settle around shared unknowns that are nearly right.

@@ -1,6 +1,6 @@
 //! One step of the dynamics with the input held, and its exact derivatives by the chain rule through the method's stages. States that only relax towards
-//! the others, as those of lagging gyros, go by their own solution (`relaxation`). Errors of measured inputs are held over a step, as inputs are; what they are
-//! in the next is not the dynamics' business.
+//! the others, as those of lagging gyros, go by their own solution (`relaxation`). Errors of measured inputs are held over a step, as inputs are; the noise
+//! model says what they are in the next.
 
 use serde::{Deserialize, Serialize};
 

@@ -11,7 +11,7 @@
 use crate::calibrate::residuals::point::Point;
 use crate::calibrate::residuals::problem::Problem;
 
-/// Scales beyond which an error is a push: of normal errors one in two million. A hand makes twenty and more; half and double have not been tried.
+/// Scales beyond which an error is a push: of normal errors one in two million. No population was counted, and half and double have not been tried.
 const FAR: f64 = 5.0;
 /// Upper quartile of |x| under the normal distribution to the standard deviation.
 const QUARTILE: f64 = 1.1503;

@@ -194,7 +194,7 @@ pub(crate) fn estimate<'m>(
     let floor = floor::floor(problem, robot, point);
     let mut ascent = Ascent::new(problem, robot, floor, point.clone(), threads);
     problem.set_noise(ascent.bounded(problem.noise().clone()));
-    let rounds = ascent.climb(problem, SAMPLES, MOST_ROUNDS)?;
+    let rounds = ascent.climb(problem)?;
     Ok(Estimate { floor: ascent.floor, rounds })
 }
 
@@ -242,14 +242,14 @@ impl<'m> Ascent<'m> {
         noise
     }
 
-    /// Takes up to `most` steps of all standard deviations by so many samples; how many were taken.
-    fn climb(&mut self, problem: &mut Problem<'m>, samples: usize, most: usize) -> Result<usize, SolveError> {
+    /// Takes steps of all standard deviations until one promises little; how many were taken.
+    fn climb(&mut self, problem: &mut Problem<'m>) -> Result<usize, SolveError> {
         let channels = problem.series.channels.len();
         let mut rounds = 0;
         let mut last: Option<(DVector<f64>, DVector<f64>)> = None;
         loop {
             rounds += 1;
-            let grouped = Grouped::of(problem, &self.point, samples);
+            let grouped = Grouped::of(problem, &self.point, SAMPLES);
             let factor = self.follow(&grouped)?;
             let (dof, squares, information) = grouped.statistics(&self.point, &factor, PROBES, self.threads);
 
@@ -280,7 +280,7 @@ impl<'m> Ascent<'m> {
             let noise = self.bounded(Noise { channels: next, process });
             tracing::debug!(rounds, gain, ?noise, "restricted maximum likelihood");
             problem.set_noise(noise);
-            if gain < LEAST_GAIN || rounds == most {
+            if gain < LEAST_GAIN || rounds == MOST_ROUNDS {
                 return Ok(rounds);
             }
         }

@@ -20,8 +20,8 @@ use solve::border::Border;
 use solve::error::SolveError;
 use solve::levenberg::{self, Settings, Solution};
 
-/// Standard errors of the difference that two estimators may differ by. Chosen on the pendulums of DFKI (5 and more) and on made-up ones that fit (below 2); half
-/// and double have not been tried.
+/// Standard errors of the difference that two estimators may differ by. No population was counted, and half and double have
+/// not been tried.
 const ERRORS: f64 = 3.0;
 /// And the share of what would make all of the torque of the motion, since filters distort a little what they leave. Half and double have not been tried.
 const SHARE: f64 = 0.1;
