@@ -1,6 +1,6 @@
 //! Sensors, and the parameters that gyros bring.
 
-use super::super::file::{SensorKind, SensorTable};
+use super::super::file::{SensorKind, SensorTable, StartOrFixed};
 use super::super::{Encoder, Gyro, Joint, JointKind, Parameter, ParameterSpec, RobotError, Sensor, Symbol, Tachometer};
 use super::checks::{by_kind, by_kind_with, finite, positive, rotation, within};
 use super::{Checked, start_or_fixed};
@@ -148,38 +148,25 @@ fn zero(at: &str, table: &SensorTable, kind: JointKind) -> Checked<Option<Parame
 const MOST_SCALE_ERROR: f64 = 0.1;
 
 fn scale_error(at: &str, table: &SensorTable) -> Checked<Option<Parameter>> {
-    let Some(given) = table.scale_error else { return Ok(None) };
-    let field = format!("{at}.scale_error");
-    let (start, free) = start_or_fixed(&field, given)?;
-    let simulated = given.simulated.unwrap_or(start);
-    for value in [start, simulated] {
-        within(
-            &field,
-            value,
-            -MOST_SCALE_ERROR,
-            MOST_SCALE_ERROR,
-            "give the share by which it tells too much; more is another unit",
-        )?;
-    }
-    Ok(Some(Parameter { start, free, simulated }))
+    let advice = "give the share by which it tells too much; more is another unit";
+    bounded(&format!("{at}.scale_error"), table.scale_error, MOST_SCALE_ERROR, advice)
 }
 
 /// A filter of 10 Hz has 23 ms.
 const MOST_LAG_S: f64 = 0.05;
 
 fn lag(at: &str, table: &SensorTable) -> Checked<Option<Parameter>> {
-    let Some(given) = table.lag_s else { return Ok(None) };
-    let field = format!("{at}.lag_s");
-    let (start, free) = start_or_fixed(&field, given)?;
+    let advice = "give it in seconds; a gyro that is later shows no joint's dynamics";
+    bounded(&format!("{at}.lag_s"), table.lag_s, MOST_LAG_S, advice)
+}
+
+/// A parameter of a sensor that is `most` at most, either way.
+fn bounded(field: &str, given: Option<StartOrFixed<f64>>, most: f64, advice: &str) -> Checked<Option<Parameter>> {
+    let Some(given) = given else { return Ok(None) };
+    let (start, free) = start_or_fixed(field, given)?;
     let simulated = given.simulated.unwrap_or(start);
     for value in [start, simulated] {
-        within(
-            &field,
-            value,
-            -MOST_LAG_S,
-            MOST_LAG_S,
-            "give it in seconds; a gyro that is later shows no joint's dynamics",
-        )?;
+        within(field, value, -most, most, advice)?;
     }
     Ok(Some(Parameter { start, free, simulated }))
 }
