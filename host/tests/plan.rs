@@ -9,11 +9,33 @@ use program::{host, json};
 use protocol::Motion;
 use serde_json::Value;
 
-/// The commands of the document, without the program's name.
-fn commands() -> Vec<Vec<String>> {
+/// The commands of a block of the document, counted from 0, without the program's name.
+fn commands(block: usize) -> Vec<Vec<String>> {
     let document = include_str!("../doc/plan.md");
-    let block = document.split("```sh\n").nth(1).and_then(|rest| rest.split("```").next()).unwrap();
+    let block = document.split("```sh\n").nth(block + 1).and_then(|rest| rest.split("```").next()).unwrap();
     block.lines().map(|line| line.split_whitespace().skip(1).map(str::to_owned).collect()).collect()
+}
+
+/// Runs the commands of a block in `folder`; what those that plan said.
+fn follow(folder: &Path, block: usize) -> Vec<String> {
+    let mut plans = Vec::new();
+    for command in commands(block) {
+        let words: Vec<&str> = command.iter().map(String::as_str).collect();
+        let (arguments, to) = match words.iter().position(|word| *word == ">") {
+            Some(at) => (&words[..at], Some(words[at + 1])),
+            None => (&words[..], None),
+        };
+        let output = Command::new(env!("CARGO_BIN_EXE_host")).current_dir(folder).args(arguments).output().unwrap();
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(0), "{arguments:?}: {said}");
+        if let Some(name) = to {
+            std::fs::write(folder.join(name), &output.stdout).unwrap();
+        }
+        if command[0] == "plan" {
+            plans.push(said.into_owned());
+        }
+    }
+    plans
 }
 
 fn motion(path: &Path) -> Motion {
@@ -31,25 +53,9 @@ fn what_a_plan_promises_holds() {
     let at = |name: &str| folder.path().join(name);
     let short = concat!(env!("CARGO_MANIFEST_DIR"), "/src/simulate/motion/short.toml");
     std::fs::copy(short, at("short.toml")).unwrap();
-    for command in commands() {
-        let words: Vec<&str> = command.iter().map(String::as_str).collect();
-        let (arguments, to) = match words.iter().position(|word| *word == ">") {
-            Some(at) => (&words[..at], Some(words[at + 1])),
-            None => (&words[..], None),
-        };
-        let output =
-            Command::new(env!("CARGO_BIN_EXE_host")).current_dir(folder.path()).args(arguments).output().unwrap();
-        let said = String::from_utf8_lossy(&output.stderr);
-        assert_eq!(output.status.code(), Some(0), "{arguments:?}: {said}");
-        if let Some(name) = to {
-            std::fs::write(at(name), &output.stdout).unwrap();
-        }
-        if command[0] == "plan" {
-            assert!(
-                said.contains("expected errors") && said.contains("host record --port PORT --motion planned.toml"),
-                "{said}"
-            );
-        }
+    for said in follow(folder.path(), 0) {
+        assert!(said.contains("expected errors"), "{said}");
+        assert!(said.contains("host record --port PORT --motion planned.toml"), "{said}");
     }
     let page = std::fs::read_to_string(at("planned.html")).unwrap();
     assert!(page.contains("Expected standard errors") && page.contains("Motor positions"));
@@ -83,6 +89,35 @@ fn what_a_plan_promises_holds() {
     assert_eq!(dynamic, 12);
 }
 
+/// A plan for one effect, and one that tells two apart: the effect's size comes out as well as promised, and the plan shows more of it than the preset would in its time.
+#[test]
+fn what_a_plan_for_an_effect_promises_holds() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let plans = follow(folder.path(), 1);
+    assert!(plans.iter().all(|said| said.contains("standard errors (preset")), "{plans:?}");
+    let [promised, apart, second] = ["expected.json", "apart.json", "second.json"].map(|name| json(&at(name)));
+    assert_eq!(promised["effects"], serde_json::json!(["load_friction"]));
+    assert_eq!((&promised["for_parameters"], &apart["for_parameters"]), (&Value::Bool(false), &Value::Bool(false)));
+    let size = &promised["sizes"][0];
+    let (name, expected) = (size["name"].as_str().unwrap(), size["std_error"].as_f64().unwrap());
+    let calibrated = named(&second["parameters"], name).unwrap()["std_error"].as_f64().unwrap();
+    eprintln!("{name} promised ± {expected:.3e}, calibrated ± {calibrated:.3e}");
+    // Measured: 0.97.
+    assert!((0.7..1.4).contains(&(calibrated / expected)), "promised ± {expected}, calibrated ± {calibrated}");
+    let sizes: Vec<&str> =
+        apart["sizes"].as_array().unwrap().iter().map(|size| size["name"].as_str().unwrap()).collect();
+    assert!(sizes.contains(&"backlash.h[1]") && sizes.contains(&"belt_hysteresis.k1[1]"), "{sizes:?}");
+    for plan in [&promised, &apart] {
+        let time = plan["preset_duration_s"].as_f64().unwrap() / plan["duration_s"].as_f64().unwrap();
+        let ratio = plan["error_ratio"].as_f64().unwrap();
+        eprintln!("{} of the preset's errors in 1/{time:.1} of its time", ratio);
+        assert!(ratio < time.sqrt(), "{ratio} of the preset's errors, which has {} in that time", time.sqrt());
+    }
+    let page = std::fs::read_to_string(at("apart.html")).unwrap();
+    assert!(page.contains("typical size of each effect") && page.contains("backlash.h[1]"));
+}
+
 #[test]
 fn the_same_seed_gives_the_same_motion() {
     let folder = tempfile::tempdir().unwrap();
@@ -105,7 +140,12 @@ fn the_same_seed_gives_the_same_motion() {
 fn what_cannot_be_planned_is_refused_with_advice() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("cal.json"), "{}").unwrap();
-    let refused: [(&[&str], i32, &str); 8] = [
+    let refused: [(&[&str], i32, &str); 13] = [
+        (&["plan", "doggy", "--for", "stribek", "-o", "m.toml"], 2, "did you mean `stribeck`"),
+        (&["plan", "doggy", "--separate", "stribeck", "-o", "m.toml"], 2, "--separate A,B"),
+        (&["plan", "doggy", "--for", "end_stop", "-o", "m.toml"], 2, "no derivative tells"),
+        (&["plan", "doggy", "--for", "gyro_bias_drift", "-o", "m.toml"], 2, "another one in each recording"),
+        (&["plan", "one_joint", "--for", "viscous_friction", "-o", "m.toml"], 2, "back-EMF"),
         (&["plan", "dogy", "-o", "m.toml"], 2, "did you mean `doggy`"),
         (&["plan", "emps", "-o", "m.toml"], 4, "robots that the firmware drives"),
         (&["plan", "doggy", "--length", "4", "-o", "m.toml"], 2, "give a longer --length"),

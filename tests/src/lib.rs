@@ -8,6 +8,7 @@ pub mod hidden;
 pub mod machine;
 pub mod observed;
 pub mod riddle;
+pub mod separation;
 pub mod study;
 pub mod wrong_world;
 

@@ -7,8 +7,11 @@
 //! J = D (∂z/∂p)ᵀ S (∂z/∂p) D        S: information of the solver's unknowns z,  p: parameters,  D: their values
 //! ```
 //!
-//! so the inverse holds squares of relative errors. A joint that sticks shows its Coulomb friction by the smoothing of the sign function only,
+//! so the inverse holds squares of relative errors. Laws that the robot may have beside the base model add their coordinates to p, at their starts, where most of them are
+//! nothing; their D is a typical size. A joint that sticks shows its Coulomb friction by the smoothing of the sign function only,
 //! which is no friction: it is eliminated as if it were another one in each such motion. What the robot's build hides is taken as known.
+
+use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
@@ -18,6 +21,7 @@ use super::identifiability::noise_free::NoiseFree;
 use super::identifiability::{identify, observability};
 use super::initial_guess::start;
 use super::noise_estimate::floor;
+use super::extension::laws;
 use super::requirements::accept;
 use super::residuals::noise::{Noise, process_names};
 use super::residuals::point::Point;
@@ -25,6 +29,7 @@ use super::residuals::preset::{NoiseSource, Preset};
 use super::residuals::problem::Problem;
 use super::result::calibration::Calibration;
 use super::result::summary;
+use crate::model::law::Law;
 use crate::model::{Model, rotation};
 use crate::recording::Recording;
 use crate::robot::{Robot, Symbol};
@@ -89,11 +94,57 @@ impl Weights {
                 let mut noise = floor::floor(problem, robot, point);
                 noise.channels = problem.noise().channels.clone();
                 noise.channels.iter_mut().zip(channels).for_each(|(sigma, known)| *sigma = *known);
-                noise.process.iter_mut().zip(missed).for_each(|(sigma, missed)| *sigma = sigma.hypot(*missed));
+                if !missed.is_empty() {
+                    // Of the states that laws bring, nothing is known to be missed.
+                    let (base, layout) = (Model::new(robot), problem.model.layout());
+                    let none = Noise { channels: Vec::new(), process: vec![0.0; layout.size()] };
+                    let missed = Noise { channels: Vec::new(), process: missed.clone() };
+                    let missed = missed.carried(base.layout(), layout, none).process;
+                    noise.process.iter_mut().zip(missed).for_each(|(sigma, missed)| *sigma = sigma.hypot(missed));
+                }
                 problem.set_noise(noise);
             }
         }
     }
+}
+
+/// A law that the robot may have beside the base model.
+#[derive(Debug, Clone)]
+pub struct SizedLaw {
+    /// The law, at its start.
+    pub law: Arc<dyn Law>,
+    /// Of each of its coordinates.
+    pub coordinates: Vec<SizedCoordinate>,
+}
+
+/// A coordinate of a law.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SizedCoordinate {
+    /// Name of the result that it stands in.
+    pub name: String,
+    /// Unit of that result.
+    pub unit: &'static str,
+    /// The typical value of that result; 1 where there is none.
+    pub typical: f64,
+    /// By how much the coordinate moves where the result does by its typical value.
+    pub moves: f64,
+    /// Whether it says how much of the law there is.
+    pub is_size: bool,
+}
+
+/// What a parameter of an [`Information`] is one of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum About {
+    /// The base model's dynamics.
+    Dynamics,
+    /// How much there is of the law at this place of the list.
+    LawSize(usize),
+    /// How a law goes.
+    LawShape,
+    /// A gyro's mounting.
+    Mounting,
+    /// A gyro's bias, which every recording has its own of.
+    Bias,
 }
 
 /// One parameter of an [`Information`].
@@ -103,14 +154,54 @@ pub struct Informed {
     pub name: String,
     /// Unit.
     pub unit: &'static str,
-    /// The value for which the information holds.
+    /// The value for which the information holds; of a law, the typical one.
     pub value: f64,
     /// What an error of 1 is: the size of the value; of a gyro's bias and misalignment, what is known of it without a look.
     pub size: f64,
-    /// Whether it is one of the dynamics, not of a gyro.
-    pub is_dynamic: bool,
-    /// Whether it is a gyro's bias, which every recording has its own of.
-    pub is_bias: bool,
+    /// What it is one of.
+    pub about: About,
+}
+
+/// The parameters of the solver's unknowns in their order.
+fn informed(problem: &Problem<'_>, robot: &Robot, point: &Point<'_>, laws: &[SizedLaw]) -> Vec<Informed> {
+    let told = summary::values(problem, robot, point);
+    let coordinates = problem.model.coordinates();
+    let (base, gyros) = (coordinates.iter().count(), coordinates.results());
+    let mountings = gyros + problem.border().bias(0, 0) - problem.border().dynamics;
+    let of = |(name, unit, value): (String, &'static str, f64), size: f64, about: About| Informed {
+        name,
+        unit,
+        value,
+        size,
+        about,
+    };
+    let mut parameters = Vec::new();
+    for (i, result) in told.into_iter().enumerate() {
+        if i == base {
+            let of_law = |(place, law): (usize, &SizedLaw)| {
+                let about = move |c: &SizedCoordinate| if c.is_size { About::LawSize(place) } else { About::LawShape };
+                let sized = move |c: &SizedCoordinate| Informed {
+                    name: c.name.clone(),
+                    unit: c.unit,
+                    value: c.typical,
+                    size: c.typical.abs(),
+                    about: about(c),
+                };
+                law.coordinates.iter().map(sized).collect::<Vec<_>>()
+            };
+            parameters.extend(laws.iter().enumerate().flat_map(of_law));
+        }
+        match i {
+            i if i < base => {
+                let size = if result.2 == 0.0 { 1.0 } else { result.2.abs() };
+                parameters.push(of(result, size, About::Dynamics));
+            }
+            i if i < gyros => {}
+            i if i < mountings => parameters.push(of(result, identify::MOUNTING_RAD, About::Mounting)),
+            _ => parameters.push(of(result, identify::OFFSET_RAD_S, About::Bias)),
+        }
+    }
+    parameters
 }
 
 /// Information of all parameters.
@@ -127,15 +218,21 @@ pub struct Information {
 }
 
 impl Information {
-    /// What `recording` tells of a robot whose parameters are `values`, one for each of [`Robot::parameters`].
+    /// What `recording` tells of a robot whose parameters are `values`, one for each of [`Robot::parameters`], and of laws that it may have as well.
     ///
     /// # Errors
     /// As a calibration's own.
-    pub fn of(robot: &Robot, values: &[f64], recording: &Recording, weights: &Weights) -> Result<Self, CalibrateError> {
+    pub fn of(
+        robot: &Robot,
+        (values, laws): (&[f64], &[SizedLaw]),
+        recording: &Recording,
+        weights: &Weights,
+    ) -> Result<Self, CalibrateError> {
         accept(robot, &[recording], Preset::Default)?;
-        let model = Model::new(robot);
+        let model = Model::extended(robot, laws.iter().map(|sized| sized.law.clone()).collect())?;
         let series = Series::of(robot, &[recording]);
-        let mut problem = Problem::new(&model, robot, &series, Preset::Default.assumptions());
+        let assumptions = laws::assumptions(model.laws(), Preset::Default);
+        let mut problem = Problem::new(&model, robot, &series, assumptions);
         let point = point_of(&model, robot, &series, values);
         let free = NoiseFree::of(&problem, &point);
         weights.weigh(&mut problem, robot, &free.point);
@@ -144,20 +241,13 @@ impl Information {
         let slopes = observability::physical_slopes(&model, &point.z, problem.border());
         let inverse = slopes.try_inverse().unwrap_or_else(|| DMatrix::identity(unknowns, unknowns));
 
-        let dynamics = problem.border().dynamics;
-        let first_bias = problem.border().bias(0, 0);
-        let told = summary::values(&problem, robot, &point).into_iter().enumerate();
-        let parameters = told.map(|(i, (name, unit, value))| {
-            let size = match i {
-                i if i >= first_bias => identify::OFFSET_RAD_S,
-                i if i >= dynamics => identify::MOUNTING_RAD,
-                _ if value == 0.0 => 1.0,
-                _ => value.abs(),
-            };
-            Informed { name, unit, value, size, is_dynamic: i < dynamics, is_bias: i >= first_bias }
-        });
-        let parameters: Vec<Informed> = parameters.collect();
-        let by_size = DMatrix::from_fn(unknowns, unknowns, |i, j| inverse[(i, j)] * parameters[j].size);
+        let parameters = informed(&problem, robot, &point, laws);
+        // A law's coordinates are its own: they have no slopes here.
+        let moves = laws.iter().flat_map(|law| &law.coordinates).map(|coordinate| coordinate.moves);
+        let base = model.coordinates().iter().count();
+        let mut steps: Vec<f64> = parameters.iter().map(|parameter| parameter.size).collect();
+        steps[base..].iter_mut().zip(moves).for_each(|(step, moves)| *step = moves);
+        let by_size = DMatrix::from_fn(unknowns, unknowns, |i, j| inverse[(i, j)] * steps[j]);
         let mut matrix = by_size.transpose() * DMatrix::from_row_slice(unknowns, unknowns, &solver) * by_size;
         for stuck in identify::sticking(&problem, robot, &free.joints) {
             if let Some(i) = stuck.shares.iter().position(|share| *share == 1.0) {
@@ -167,7 +257,7 @@ impl Information {
         let mut hidden = DMatrix::zeros(unknowns, unknowns);
         let mut axes: Vec<DVector<f64>> = Vec::new();
         for held in observability::structural(&model, robot, problem.border()) {
-            let mut axis = DVector::from_fn(unknowns, |i, _| held.direction[i] / parameters[i].size);
+            let mut axis = DVector::from_fn(unknowns, |i, _| held.direction[i] / steps[i]);
             for before in &axes {
                 axis -= before * before.dot(&axis);
             }
@@ -193,7 +283,7 @@ impl Information {
     #[must_use]
     pub fn without_biases(mut self) -> Self {
         for i in 0..self.parameters.len() {
-            if self.parameters[i].is_bias {
+            if self.parameters[i].about == About::Bias {
                 eliminate(&mut self.matrix, i);
             }
         }
@@ -219,13 +309,13 @@ impl Information {
         Some(covariance.diagonal().iter().map(|variance| variance.max(0.0).sqrt()).collect())
     }
 
-    /// ln det of the covariance of the dynamic parameters in units of their sizes, beside the same guess.
-    pub fn log_volume(&self) -> Option<f64> {
+    /// ln det of the covariance of the parameters that `counts` says, in units of their sizes, beside the same guess.
+    pub fn log_volume(&self, counts: impl Fn(About) -> bool) -> Option<f64> {
         let n = self.matrix.nrows();
         let with_guess = &self.matrix + &self.hidden * KNOWN + DMatrix::identity(n, n);
         let covariance = with_guess.cholesky()?.inverse();
-        let dynamic: Vec<usize> = (0..n).filter(|&i| self.parameters[i].is_dynamic).collect();
-        let block = DMatrix::from_fn(dynamic.len(), dynamic.len(), |i, j| covariance[(dynamic[i], dynamic[j])]);
+        let counted: Vec<usize> = (0..n).filter(|&i| counts(self.parameters[i].about)).collect();
+        let block = DMatrix::from_fn(counted.len(), counted.len(), |i, j| covariance[(counted[i], counted[j])]);
         Some(2.0 * block.cholesky()?.l_dirty().diagonal().iter().map(|v| v.ln()).sum::<f64>())
     }
 }
@@ -250,7 +340,9 @@ pub(super) fn point_of<'m>(model: &'m Model, robot: &Robot, series: &Series, val
     let physical: Vec<f64> =
         model.coordinates().iter().map(|c| value(c.spec.symbol, &c.spec.name).unwrap_or(c.spec.value.start)).collect();
     let mut shared = start::shared(model, robot, series);
-    shared.z = model.coordinates().from_physical(&physical);
+    // Laws stay at their starts.
+    let base = model.coordinates().base_from_physical(&physical);
+    shared.z[..base.len()].copy_from_slice(&base);
     for (gyro, (matrix, spec)) in shared.rotations.iter_mut().zip(robot.gyros()).enumerate() {
         let nominal = Matrix3::from_fn(|i, j| spec.rotation[i][j]);
         let delta = Vector3::from_fn(|axis, _| {

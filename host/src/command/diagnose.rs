@@ -54,6 +54,10 @@ pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
         .map_err(diagnose_failure)?;
     drop(progress);
     print(ui, &diagnosis);
+    let file = args.result.output.as_deref().map_or("DIAG.json".into(), |path| path.to_string_lossy());
+    for line in next_motion(&diagnosis, &file) {
+        ui.say(line);
+    }
     outputs.finish(ui, &diagnosis, || report::diagnosis::page(&diagnosis).to_html())?;
     Ok(exit(diagnosis.verdict))
 }
@@ -101,6 +105,13 @@ fn lines(diagnosis: &Diagnosis) -> Vec<String> {
         wrap(&mut lines, INDENT, &format!("{}{share}", names.place(defect)));
     }
     wrap(&mut lines, "", &words::still_missed(diagnosis, &names).unwrap_or_default());
+    lines
+}
+
+/// What the user can do where this motion leaves a question open.
+fn next_motion(diagnosis: &Diagnosis, file: &str) -> Vec<String> {
+    let mut lines = Vec::new();
+    wrap(&mut lines, "", &words::next_motion(diagnosis, file).unwrap_or_default());
     lines
 }
 

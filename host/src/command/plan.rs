@@ -6,22 +6,30 @@ use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
 use super::{Exit, Failure, NewFile, Ui, interrupt, json, read_failure, robot_failure};
-use crate::calibrate::Calibration;
+use crate::calibrate::{Calibration, Status};
+use crate::effect::Effect;
 use crate::plan::{self, Belief, Criterion, Plan, PlanError, Settings};
 use crate::recording;
 use crate::report::plan_page;
 use crate::robot::Robot;
 
-/// Plan the motion that shows the parameters best
+/// Plan the motion that shows the parameters, or effects, best
 ///
-/// Chooses moves, chirps and sines within the robot's limits, the firmware's watches, a length and a duty budget, by what a calibration
+/// Chooses moves, chirps and sines within the robot's limits, the firmware's watches, a length and a duty budget, by what a calibration or a diagnosis
 /// will know after them, on robots drawn from what is known of it. `host record --motion FILE` plays the result. The same seed gives the same
 /// file, unless a time limit or Ctrl-C ended the search.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// A built-in robot, its description file, or a calibration of it (CAL.json), which is less uncertain
-    #[arg(value_name = "ROBOT|CAL.json")]
+    /// A built-in robot, its description file, or a calibration or diagnosis of it (CAL.json, DIAG.json), which is less uncertain
+    #[arg(value_name = "ROBOT|CAL.json|DIAG.json")]
     robot: String,
+    /// What the motion is to show: the parameters, or an effect of the catalogue. Can be given several times: the parameters then have half of
+    /// the weight [default: parameters]
+    #[arg(long = "for", value_name = "parameters|EFFECT")]
+    goals: Vec<String>,
+    /// Effects of the catalogue that it is to tell from one another, as backlash,belt_hysteresis
+    #[arg(long, value_name = "A,B…", value_delimiter = ',')]
+    separate: Vec<String>,
     /// The motion file to make
     #[arg(short, long, value_name = "MOTION.toml")]
     output: PathBuf,
@@ -57,6 +65,9 @@ pub struct Args {
     force: bool,
 }
 
+/// The goal that is no effect.
+const PARAMETERS: &str = "parameters";
+
 fn length(text: &str) -> Result<f64, &'static str> {
     text.parse().ok().filter(|s: &f64| s.is_finite() && *s > 0.0).ok_or("a number of seconds above 0")
 }
@@ -67,6 +78,7 @@ fn fraction(text: &str) -> Result<f64, &'static str> {
 
 /// Plans, says what is gained, writes the motion.
 pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
+    let (parameters, effects) = goals(&args)?;
     let file = NewFile::claim(&args.output, args.force)?;
     let page = args.report.as_deref().map(|path| NewFile::claim(path, args.force)).transpose()?;
     let mut belief = belief(&args.robot)?;
@@ -78,6 +90,8 @@ pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
         length_s: args.length,
         duty_rms: args.duty,
         criterion: args.criterion,
+        parameters,
+        effects,
         rounds: args.rounds.into(),
         ..Settings::default()
     };
@@ -119,6 +133,19 @@ pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
     Ok(Exit::Ok)
 }
 
+/// Whether the motion is to show the parameters, and the effects that it is to show.
+fn goals(args: &Args) -> Result<(bool, Vec<&'static Effect>), Failure> {
+    if args.separate.len() == 1 {
+        return Err(Failure::usage("--separate was given one effect").advice("name two or more, as --separate A,B"));
+    }
+    let is_parameters = |goal: &&String| goal.as_str() == PARAMETERS;
+    let ids = args.goals.iter().filter(|goal| !is_parameters(goal)).chain(&args.separate);
+    let effects: Vec<&Effect> = ids.map(|id| Effect::by_id(id)).collect::<Result<_, _>>().map_err(|error| {
+        Failure::usage(error).advice("give --for parameters, or ids that `host effects` lists")
+    })?;
+    Ok((effects.is_empty() || args.goals.iter().any(|goal| is_parameters(&goal)), effects))
+}
+
 /// What is known of the robot of this name or file.
 fn belief(name_or_path: &str) -> Result<Belief, Failure> {
     if !name_or_path.ends_with(".json") {
@@ -128,16 +155,30 @@ fn belief(name_or_path: &str) -> Result<Belief, Failure> {
         Failure::device(format!("cannot read {name_or_path}: {error}"))
             .advice("give a built-in robot, a description file, or a result of `host calibrate -o`")
     })?;
-    let calibration: Calibration = serde_json::from_str(&text).map_err(|error| {
+    let (calibration, is_diagnosed) = calibration(&text).map_err(|error| {
         Failure::data(format!("{name_or_path} is not a calibration: {error}"))
-            .advice("give a result of `host calibrate -o`")
+            .advice("give a result of `host calibrate -o`, or of `host diagnose -o`")
     })?;
-    if !calibration.status.is_usable() {
+    // The base model of a diagnosis need not fit: what it lacks is what the motion is to show.
+    let is_usable = calibration.status.is_usable() || is_diagnosed && calibration.status == Status::DoesNotFit;
+    if !is_usable {
         return Err(Failure::data(format!("{name_or_path} is a calibration that did not end well"))
             .advice("plan from the robot's description instead"));
     }
     let robot = Robot::parse(&calibration.robot_toml).map_err(robot_failure)?;
     Ok(Belief::of_calibration(robot, &calibration))
+}
+
+/// The calibration of a result, or that of the base model in a diagnosis, and whether it is one.
+fn calibration(text: &str) -> serde_json::Result<(Calibration, bool)> {
+    #[derive(serde::Deserialize)]
+    struct Diagnosed {
+        base: Calibration,
+    }
+    match serde_json::from_str(text) {
+        Ok(calibration) => Ok((calibration, false)),
+        Err(error) => serde_json::from_str(text).map(|Diagnosed { base }| (base, true)).map_err(|_| error),
+    }
 }
 
 fn say(plan: &Plan, ui: &Ui) {
@@ -151,6 +192,18 @@ fn say(plan: &Plan, ui: &Ui) {
         ui.say(format_args!(
             "expected errors {:.2} of the preset's, {:.2} on the worst of the robots that it may be",
             plan.error_ratio, plan.worst_error_ratio
+        ));
+    }
+    for p in &plan.sizes {
+        let in_errors = |error: Option<f64>| error.map_or(0.0, |error| (p.value / error).abs());
+        let ratio = p.ratio.map_or(f64::NAN, |ratio| ratio.powi(-2));
+        ui.say(format_args!(
+            "  {:<28} typically {:.3e} {}, {:.1} standard errors (preset {:.1}): information × {ratio:.2}",
+            p.name,
+            p.value,
+            p.unit,
+            in_errors(p.std_error),
+            in_errors(p.preset_std_error),
         ));
     }
     for p in &plan.parameters {
@@ -189,8 +242,26 @@ fn say(plan: &Plan, ui: &Ui) {
 fn plan_failure(error: PlanError) -> Failure {
     let advice = error.advice();
     match &error {
-        PlanError::TooShort { .. } => Failure::usage(error).advice(advice),
+        PlanError::TooShort { .. } | PlanError::Effect(_) | PlanError::NotForPlans { .. } => {
+            Failure::usage(error).advice(advice)
+        }
         PlanError::NoTime => Failure::no_convergence(error).advice(advice),
         _ => Failure::data(error).advice(advice),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::report::diagnosis::fixture;
+
+    #[test]
+    fn a_diagnosis_is_taken_by_its_base_model_and_a_calibration_as_it_is() {
+        let diagnosis = fixture::diagnosis(0.7, "x");
+        let (base, is_diagnosed) = calibration(&serde_json::to_string(&diagnosis).unwrap()).unwrap();
+        assert!(is_diagnosed && base == diagnosis.base);
+        let (same, is_diagnosed) = calibration(&serde_json::to_string(&base).unwrap()).unwrap();
+        assert!(!is_diagnosed && same == base);
+        assert!(calibration("{}").unwrap_err().to_string().contains("missing field"));
     }
 }

@@ -152,7 +152,8 @@ impl Coordinates {
         law.is_none_or(|block| block.parameters.results[result - block.first_result].form.is_own())
     }
 
-    fn base_from_physical<T: Quantity>(&self, physical: &[T]) -> Vec<T> {
+    /// Solver coordinates of the base model's physical values: laws' are not among them.
+    pub(crate) fn base_from_physical<T: Quantity>(&self, physical: &[T]) -> Vec<T> {
         let convert = |(c, &value): (&Coordinate, &T)| match c.form {
             Form::Direct => value,
             Form::Inverse => T::from(1.0).over(value),

@@ -9,17 +9,38 @@
 //! What blocks tell adds up: see [`information`](crate::calibrate::information).
 
 use super::trial::{Conduct, Trial};
-use crate::calibrate::information::Information;
+use crate::calibrate::information::{About, Information};
 
 /// What a plan is chosen by.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Criterion {
-    /// Mean square of the relative errors of the dynamic parameters: the largest count most.
+    /// Mean square of the relative errors: the largest count most.
     #[default]
     A,
-    /// Volume of the ellipsoid of the relative errors of the dynamic parameters.
+    /// Volume of the ellipsoid of the relative errors.
     D,
+}
+
+/// What a motion is to show.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Goal {
+    /// How errors become one number.
+    pub criterion: Criterion,
+    /// Whether the dynamic parameters are to be known.
+    pub parameters: bool,
+    /// Whether the sizes of laws are, each beside the parameters and all other laws.
+    pub laws: bool,
+}
+
+impl Goal {
+    fn counts(self, about: About) -> bool {
+        match about {
+            About::Dynamics => self.parameters,
+            About::LawSize(_) => self.laws,
+            About::LawShape | About::Mounting | About::Bias => false,
+        }
+    }
 }
 
 /// A block with what the trials of it told.
@@ -59,27 +80,39 @@ pub struct Budget {
     pub duty_squared_s: f64,
 }
 
-/// How good a motion is, by robot: relative errors of its dynamic parameters.
+/// How good a motion is, by robot: relative errors of what it is to show.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Merit {
-    /// The criterion in logarithms of an error: smaller is better.
+    /// The criterion in logarithms of an error: smaller is better. Parameters and laws have half of it each where both are to be shown.
     pub score: f64,
-    /// Relative errors of the dynamic parameters.
+    /// Relative errors of what counts.
     pub errors: Vec<f64>,
 }
 
 impl Merit {
     /// Of a motion that tells so much.
-    pub fn of(information: &Information, criterion: Criterion) -> Option<Self> {
+    pub fn of(information: &Information, goal: Goal) -> Option<Self> {
         let told = information.errors()?;
-        let dynamic = information.parameters.iter().zip(told).filter(|(parameter, _)| parameter.is_dynamic);
-        let errors: Vec<f64> = dynamic.map(|(_, error)| error).collect();
-        let count = errors.len().max(1) as f64;
-        let score = match criterion {
-            Criterion::A => 0.5 * (errors.iter().map(|error| error * error).sum::<f64>() / count).ln(),
-            Criterion::D => 0.5 * information.log_volume()? / count,
+        let errors_of = |counts: &dyn Fn(About) -> bool| -> Vec<f64> {
+            let counted = information.parameters.iter().zip(&told).filter(|(parameter, _)| counts(parameter.about));
+            counted.map(|(_, error)| *error).collect()
         };
-        Some(Self { score, errors })
+        let is_dynamic = |about: About| about == About::Dynamics;
+        let (mut score, mut shares) = (0.0, 0.0);
+        for of_dynamics in [true, false] {
+            let counts = |about: About| goal.counts(about) && is_dynamic(about) == of_dynamics;
+            let errors = errors_of(&counts);
+            if errors.is_empty() {
+                continue;
+            }
+            let count = errors.len() as f64;
+            score += match goal.criterion {
+                Criterion::A => 0.5 * (errors.iter().map(|error| error * error).sum::<f64>() / count).ln(),
+                Criterion::D => 0.5 * information.log_volume(counts)? / count,
+            };
+            shares += 1.0;
+        }
+        Some(Self { score: score / f64::max(shares, 1.0), errors: errors_of(&|about| goal.counts(about)) })
     }
 }
 
@@ -90,7 +123,7 @@ const WORSE: f64 = 2.0;
 #[derive(Debug)]
 pub struct Yardstick {
     /// What the plan is chosen by.
-    pub criterion: Criterion,
+    pub goal: Goal,
     /// Merit of the reference, by robot.
     pub reference: Vec<Merit>,
     /// What is known already, by robot.
@@ -109,11 +142,11 @@ impl Yardstick {
     }
 
     /// The score of a motion that tells so much of each robot, smaller is better: half the mean and half the largest over the robots,
-    /// each against the reference; parameters that are told worse than by the reference count against it.
+    /// each against the reference; what counts and is told worse than by the reference counts against it.
     pub fn score(&self, information: &[Information]) -> f64 {
         let mut scores = Vec::with_capacity(information.len());
         for (information, reference) in information.iter().zip(&self.reference) {
-            let Some(merit) = Merit::of(information, self.criterion) else { return f64::INFINITY };
+            let Some(merit) = Merit::of(information, self.goal) else { return f64::INFINITY };
             let worse = merit
                 .errors
                 .iter()

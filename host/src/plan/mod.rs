@@ -1,4 +1,4 @@
-//! A motion that shows the parameters of a robot as well as its limits, a length and a duty budget allow.
+//! A motion that shows the parameters of a robot, an effect that it may have, or which of several effects it has, as well as its limits, a length and a duty budget allow.
 //!
 //! ```text
 //!  Belief ──▶ robots that it may be ──┬─▶ preset on each of them          ──▶ what a plan is held against
@@ -14,6 +14,7 @@ mod block;
 mod choice;
 mod draws;
 mod result;
+mod targets;
 mod trial;
 
 use firmware::motion::preset;
@@ -25,13 +26,15 @@ use rand_chacha::ChaCha8Rng;
 pub use block::Block;
 use block::REST_OF_BLOCK_S;
 pub use choice::Criterion;
-use choice::{Budget, Candidate, Choice, Merit, Yardstick, exchange};
+use choice::{Budget, Candidate, Choice, Goal, Merit, Yardstick, exchange};
 pub use draws::Belief;
 pub use result::{ExpectedError, JointDemand, Plan};
+pub use targets::can_show;
 use trial::{Conduct, Trial, try_all};
 
 use crate::calibrate::CalibrateError;
-use crate::calibrate::information::{Information, Weights};
+use crate::calibrate::information::{Information, SizedLaw, Weights};
+use crate::effect::{Effect, EffectError};
 use crate::link::joint_limits;
 use crate::robot::InputUnit;
 use crate::simulate::{Rehearsal, SimulateError, Truth};
@@ -69,6 +72,17 @@ pub enum PlanError {
     /// Interrupted, or out of time, before there was a plan.
     #[error("the time was over before there was a plan")]
     NoTime,
+    /// An effect that the robot cannot have.
+    #[error(transparent)]
+    Effect(#[from] EffectError),
+    /// An effect that no motion can be planned for.
+    #[error("no motion can be planned for {effect}: {reason}")]
+    NotForPlans {
+        /// Its id.
+        effect: &'static str,
+        /// Why.
+        reason: &'static str,
+    },
     /// What a motion tells cannot be judged.
     #[error(transparent)]
     Calibrate(#[from] CalibrateError),
@@ -92,6 +106,7 @@ impl PlanError {
                 "give a longer --length, a higher --duty, or plan from a calibration, which is less uncertain"
             }
             Self::NoTime => "give a longer --time-limit",
+            Self::Effect(_) | Self::NotForPlans { .. } => "`host effects` lists the effects; plan for another one",
             Self::Calibrate(_) => "see the robot file: `host robot show doggy` prints a whole one",
             Self::Simulate(_) => "see the robot file: `host simulate --robot FILE` must start with it",
         }
@@ -109,6 +124,10 @@ pub struct Settings {
     pub duty_rms: Option<f64>,
     /// What the motion is chosen by.
     pub criterion: Criterion,
+    /// Whether it is to show the dynamic parameters.
+    pub parameters: bool,
+    /// Effects that it is to show, or to tell from one another.
+    pub effects: Vec<&'static Effect>,
     /// Rounds in which blocks like the chosen ones are tried.
     pub rounds: usize,
     /// Threads.
@@ -118,7 +137,16 @@ pub struct Settings {
 impl Default for Settings {
     fn default() -> Self {
         let threads = std::thread::available_parallelism().map_or(1, usize::from);
-        Self { seed: 0, length_s: None, duty_rms: None, criterion: Criterion::A, rounds: 4, threads }
+        Self {
+            seed: 0,
+            length_s: None,
+            duty_rms: None,
+            criterion: Criterion::A,
+            parameters: true,
+            effects: Vec::new(),
+            rounds: 4,
+            threads,
+        }
     }
 }
 
@@ -155,6 +183,8 @@ struct Bench<'a> {
     belief: &'a Belief,
     settings: &'a Settings,
     limits: Vec<Limits>,
+    /// Laws of the effects that are to be shown.
+    laws: Vec<SizedLaw>,
     /// The first [`ROBOTS`] of them judge; the likeliest is the first.
     robots: Vec<Truth>,
     /// What rows of those that judge are weighted by.
@@ -262,6 +292,7 @@ impl<'a> Bench<'a> {
     ) -> Result<Self, PlanError> {
         let limits = joint_limits(&belief.robot);
         let preset = preset::calibration(&limits);
+        let laws = targets::laws(belief, &preset, &settings.effects)?;
         let (mut robots, mut weights, mut preset_trials) = (Vec::new(), Vec::new(), Vec::new());
         let (mut drawn, mut stopped, mut how) = (0, 0, String::new());
         while robots.len() < ROBOTS + MORE_ROBOTS {
@@ -271,7 +302,7 @@ impl<'a> Bench<'a> {
             let truths: Vec<Truth> =
                 (0..wanted).map(|i| if drawn + i == 0 { belief.likely() } else { belief.draw(rng) }).collect();
             let noise: Vec<Weights> = (0..wanted).map(|i| belief.weights(drawn + i)).collect();
-            let judged = judge.then_some(&noise[..]);
+            let judged = (judge.then_some(&noise[..]), &laws[..]);
             let tried = try_all(belief, &truths, std::slice::from_ref(&preset), judged, settings.threads, go_on)?;
             let tried = tried.ok_or(PlanError::NoTime)?;
             drawn += wanted;
@@ -291,12 +322,13 @@ impl<'a> Bench<'a> {
             }
         }
         weights.truncate(ROBOTS);
-        Ok(Self { belief, settings, limits, robots, weights, preset, preset_trials, left_out: stopped })
+        Ok(Self { belief, settings, limits, laws, robots, weights, preset, preset_trials, left_out: stopped })
     }
 
     /// What plans are held against: the preset, as long as the plan; and what recordings tell already.
     fn yardstick(&self, length_ratio: f64) -> Result<Yardstick, PlanError> {
-        let criterion = self.settings.criterion;
+        let Settings { criterion, parameters, .. } = *self.settings;
+        let goal = Goal { criterion, parameters, laws: !self.laws.is_empty() };
         let (mut reference, mut known) = (Vec::new(), Vec::new());
         for (robot, trial) in self.robots.iter().zip(&self.preset_trials).take(ROBOTS) {
             let preset = trial.information.as_ref().ok_or(PlanError::NoneKeepsLimits)?;
@@ -304,16 +336,17 @@ impl<'a> Bench<'a> {
             // Noise as the preset has it.
             let weights = Weights::Given(preset.noise.clone());
             for recording in &self.belief.known {
-                let told = Information::of(&self.belief.robot, robot.as_slice(), recording, &weights)?;
+                let values = (robot.as_slice(), &self.laws[..]);
+                let told = Information::of(&self.belief.robot, values, recording, &weights)?;
                 before.add(&told.without_biases(), 1.0);
             }
             let mut with_preset = before.clone();
             with_preset.add(preset, length_ratio);
-            let merit = Merit::of(&with_preset, criterion);
+            let merit = Merit::of(&with_preset, goal);
             reference.push(merit.ok_or(PlanError::Calibrate(CalibrateError::Undetermined))?);
             known.push(before);
         }
-        Ok(Yardstick { criterion, reference, known })
+        Ok(Yardstick { goal, reference, known })
     }
 
     /// The score of a whole motion.
@@ -355,7 +388,8 @@ impl<'a> Bench<'a> {
             let (motion, owners) = block::motion("planned", &blocks, &self.limits, false);
             let motions = std::slice::from_ref(&motion);
             let whole = |robots: &[Truth], weights| -> Result<Vec<Trial>, PlanError> {
-                let tried = try_all(self.belief, robots, motions, weights, self.settings.threads, &|| true)?;
+                let judged = (weights, &self.laws[..]);
+                let tried = try_all(self.belief, robots, motions, judged, self.settings.threads, &|| true)?;
                 Ok(tried.into_iter().flatten().flatten().collect())
             };
             let mut trials = whole(&self.robots[..ROBOTS], Some(&self.weights[..]))?;
@@ -420,8 +454,8 @@ impl Pool {
             }
         });
         let weights: Vec<Weights> = weights.collect();
-        let Some(trials) = try_all(bench.belief, robots, &motions, Some(&weights), bench.settings.threads, go_on)?
-        else {
+        let judged = (Some(&weights[..]), &bench.laws[..]);
+        let Some(trials) = try_all(bench.belief, robots, &motions, judged, bench.settings.threads, go_on)? else {
             return Ok(false);
         };
         self.tried += fresh.len();

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::choice::{Criterion, Merit, Yardstick};
 use super::trial::{Conduct, Trial};
 use super::{Bench, Block, PlanError, Seen, rehearse_likely};
-use crate::calibrate::information::{Information, Informed};
+use crate::calibrate::information::{About, Information, Informed};
 use crate::recording::Recording;
 use crate::robot::JointKind;
 
@@ -20,6 +20,10 @@ pub struct Plan {
     pub seed: u64,
     /// What the motion was chosen by.
     pub criterion: Criterion,
+    /// Whether it was to show the dynamic parameters.
+    pub for_parameters: bool,
+    /// Ids of the effects that it was to show; of several, to tell from one another.
+    pub effects: Vec<String>,
     /// Whether nothing better than the preset calibration motion was found: then it is the motion.
     pub is_preset: bool,
     /// Whether the search was made to its end. If not, the same seed may give another motion.
@@ -42,8 +46,11 @@ pub struct Plan {
     pub error_ratio: f64,
     /// The same on the robot where it is largest.
     pub worst_error_ratio: f64,
-    /// Every parameter.
+    /// Every parameter of the robot.
     pub parameters: Vec<ExpectedError>,
+    /// Sizes of the effects, with all parameters and all other sizes free: the value is the typical one, and its square over that of the error is the information that
+    /// tells the effect from the others.
+    pub sizes: Vec<ExpectedError>,
     /// What the motion asks of every joint, the largest over the robots.
     pub joints: Vec<JointDemand>,
     /// Largest part of its bound that a watch of the firmware reached, on any robot.
@@ -71,7 +78,7 @@ pub struct ExpectedError {
     pub std_error: Option<f64>,
     /// The same by the preset.
     pub preset_std_error: Option<f64>,
-    /// Mean over the robots of the expected error as a part of the preset's, geometric; null for gyros.
+    /// Mean over the robots of the expected error as a part of the preset's, geometric; null for gyros. An information is its inverse square.
     pub ratio: Option<f64>,
     /// The same on the robot where it is largest.
     pub worst_ratio: Option<f64>,
@@ -119,8 +126,8 @@ pub(super) fn plan(
     let played = rehearse_likely(bench, seen.motion)?;
     let told = |trials: &[Trial]| -> Option<Told> {
         let information = yardstick.told(trials)?;
-        let merits = information.iter().map(|told| Merit::of(told, yardstick.criterion)).collect::<Option<Vec<_>>>()?;
-        let errors = information[0].errors()?;
+        let merits = information.iter().map(|told| Merit::of(told, yardstick.goal)).collect::<Option<Vec<_>>>()?;
+        let errors = information.iter().map(Information::errors).collect::<Option<Vec<_>>>()?;
         Some(Told { merits, likely: information.into_iter().next()?, errors })
     };
     let (after, reference) = (told(seen.trials), told(&bench.preset_trials));
@@ -133,7 +140,9 @@ pub(super) fn plan(
         robot: belief.robot.name.clone(),
         calibrated: belief.is_calibrated(),
         seed: bench.settings.seed,
-        criterion: yardstick.criterion,
+        criterion: yardstick.goal.criterion,
+        for_parameters: yardstick.goal.parameters,
+        effects: bench.settings.effects.iter().map(|effect| effect.id.to_owned()).collect(),
         is_preset: seen.is_preset,
         complete,
         blocks_tried,
@@ -145,7 +154,8 @@ pub(super) fn plan(
         blocks: seen.blocks.to_vec(),
         error_ratio: (gains.iter().sum::<f64>() / gains.len() as f64).exp(),
         worst_error_ratio: gains.iter().fold(f64::NEG_INFINITY, |most, gain| most.max(*gain)).exp(),
-        parameters: expected(&after, &reference),
+        parameters: expected(&after, &reference, |about| !matches!(about, About::LawSize(_) | About::LawShape)),
+        sizes: expected(&after, &reference, |about| matches!(about, About::LawSize(_))),
         joints: demands(bench, seen.trials),
         watch: watch(seen.trials),
         preset_watch: watch(&bench.preset_trials),
@@ -164,24 +174,26 @@ struct Told {
     merits: Vec<Merit>,
     /// Of the likeliest robot.
     likely: Information,
-    /// Expected errors on it, in units of the sizes.
-    errors: Vec<f64>,
+    /// Expected errors by robot, the likeliest first, in units of the sizes.
+    errors: Vec<Vec<f64>>,
 }
 
 impl Told {
     fn std_error(&self, parameter: usize) -> Option<f64> {
-        let error = self.errors[parameter];
+        let error = self.errors[0][parameter];
         let determined = error < UNDETERMINED && !self.likely.is_hidden(parameter);
         determined.then(|| error * self.likely.parameters[parameter].size)
     }
 }
 
-fn expected(after: &Told, reference: &Told) -> Vec<ExpectedError> {
-    // The dynamic parameters are the first ones.
-    let parameters = after.likely.parameters.iter().enumerate().filter(|(i, _)| !after.likely.is_hidden(*i));
+/// Of the parameters that `wanted` says.
+fn expected(after: &Told, reference: &Told, wanted: impl Fn(About) -> bool) -> Vec<ExpectedError> {
+    let is_told = |(i, parameter): &(usize, &Informed)| wanted(parameter.about) && !after.likely.is_hidden(*i);
+    let parameters = after.likely.parameters.iter().enumerate().filter(is_told);
     let parameter = |(i, parameter): (usize, &Informed)| {
-        let errors = |told: &Told| told.merits.iter().map(|merit| merit.errors[i]).collect::<Vec<f64>>();
-        let both = parameter.is_dynamic.then(|| (errors(after), errors(reference)));
+        let errors = |told: &Told| told.errors.iter().map(|errors| errors[i]).collect::<Vec<f64>>();
+        let is_dynamic = !matches!(parameter.about, About::Mounting | About::Bias);
+        let both = is_dynamic.then(|| (errors(after), errors(reference)));
         let ratios = both.as_ref().map(|(a, b)| a.iter().zip(b).map(|(a, b)| a / b).collect::<Vec<f64>>());
         let largest = |values: &[f64]| values.iter().fold(0.0_f64, |most, value| most.max(*value));
         let mean = |ratios: &Vec<f64>| (ratios.iter().map(|ratio| ratio.ln()).sum::<f64>() / ratios.len() as f64).exp();

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 use protocol::{Motion, MotionEnd};
 
 use super::{Belief, PlanError};
-use crate::calibrate::information::{Information, Weights};
+use crate::calibrate::information::{Information, SizedLaw, Weights};
 use crate::simulate::{JointPeaks, Rehearsal, SimulateError, Truth};
 
 /// Step of the plant's integration, s: half a tick. What a plan is chosen by changes by less than noise does.
@@ -56,7 +56,7 @@ impl Conduct {
     }
 }
 
-/// Plays every motion on every robot, in `threads` threads; trials by motion, then by robot. What they tell is judged where there are weights for the robots.
+/// Plays every motion on every robot, in `threads` threads; trials by motion, then by robot. What they tell, of `laws` as well, is judged where there are weights for the robots.
 /// Returns None where `go_on` said no.
 ///
 /// # Errors
@@ -65,7 +65,7 @@ pub fn try_all(
     belief: &Belief,
     truths: &[Truth],
     motions: &[Motion],
-    weights: Option<&[Weights]>,
+    (weights, laws): (Option<&[Weights]>, &[SizedLaw]),
     threads: usize,
     go_on: &(dyn Fn() -> bool + Sync),
 ) -> Result<Option<Vec<Vec<Trial>>>, PlanError> {
@@ -80,7 +80,8 @@ pub fn try_all(
                         return;
                     }
                     let (motion, robot) = (&motions[job / truths.len()], job % truths.len());
-                    let trial = try_one(belief, &truths[robot], motion, weights.map(|weights| &weights[robot]));
+                    let weights = weights.map(|weights| (&weights[robot], laws));
+                    let trial = try_one(belief, &truths[robot], motion, weights);
                     let failed = trial.is_err();
                     done.lock().unwrap_or_else(|e| e.into_inner()).push((job, trial));
                     if failed {
@@ -100,15 +101,23 @@ pub fn try_all(
     Ok(complete.then_some(trials))
 }
 
-fn try_one(belief: &Belief, truth: &Truth, motion: &Motion, weights: Option<&Weights>) -> Result<Trial, PlanError> {
+fn try_one(
+    belief: &Belief,
+    truth: &Truth,
+    motion: &Motion,
+    judged: Option<(&Weights, &[SizedLaw])>,
+) -> Result<Trial, PlanError> {
     // The same noise for every motion: plans differ by what they move.
     let rehearsal = Rehearsal::play(&belief.robot, truth, motion, 0, STEP_S).map_err(|error| match error {
         SimulateError::Unsuited { reason } => PlanError::Unsuited { reason },
         error => PlanError::Simulate(error),
     })?;
     let conduct = Conduct::of(belief, &rehearsal);
-    let information = match weights.filter(|_| rehearsal.end == MotionEnd::Finished) {
-        Some(weights) => Some(Information::of(&belief.robot, truth.as_slice(), &rehearsal.recording, weights)?),
+    let information = match judged.filter(|_| rehearsal.end == MotionEnd::Finished) {
+        Some((weights, laws)) => {
+            let known = (truth.as_slice(), laws);
+            Some(Information::of(&belief.robot, known, &rehearsal.recording, weights)?)
+        }
         None => None,
     };
     Ok(Trial { information, conduct })

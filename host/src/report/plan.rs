@@ -21,10 +21,44 @@ pub fn plan_page(plan: &Plan) -> Page {
         .fact("blocks tried", plan.blocks_tried.to_string())
         .fact("robots tried", plan.robots.to_string())
         .fact("seed", plan.seed.to_string());
+    if !plan.sizes.is_empty() {
+        page.push(sizes(plan));
+    }
     page.push(errors(plan));
     page.push(demands(plan));
     page.push(motion(plan));
     page
+}
+
+fn sizes(plan: &Plan) -> Section {
+    let mut section = Section::new("Effects");
+    section.prose(
+        "How surely a typical size of each effect would be seen, with all parameters and all other effects of this table free: its size in standard errors. What \
+         the motion tells of it grows with the square.",
+    );
+    let mut table = Table::new()
+        .words("size")
+        .words("unit")
+        .numbers("typical", "")
+        .numbers("planned, errors", "")
+        .numbers("preset, errors", "")
+        .numbers("information, ratio", "")
+        .numbers("worst robot, ratio", "");
+    for p in &plan.sizes {
+        let seen = |error: Option<f64>| error.map_or("not seen".to_owned(), |error| significant((p.value / error).abs(), 3));
+        let ratio = |ratio: Option<f64>| ratio.map_or(String::new(), |ratio| significant(ratio.powi(-2), 3));
+        table.row([
+            Cell::from(p.name.as_str()),
+            p.unit.as_str().into(),
+            significant(p.value, 3).into(),
+            seen(p.std_error).into(),
+            seen(p.preset_std_error).into(),
+            ratio(p.ratio).into(),
+            ratio(p.worst_ratio).into(),
+        ]);
+    }
+    section.table(&table);
+    section
 }
 
 fn errors(plan: &Plan) -> Section {

@@ -41,6 +41,8 @@ pub struct JointPeaks {
     pub travel: [f64; 2],
     /// ∫ u² dt with the duty u as a fraction of full, s: what heats a motor.
     pub duty_squared_s: f64,
+    /// ∫ θ̇² dt of the motor on the link side of the gear, rad²/s or m²/s.
+    pub speed_squared_s: f64,
 }
 
 /// Ticks in which the firmware comes to know its sensors before the motion.
@@ -167,6 +169,7 @@ impl Peaks {
             peaks.transmission_torque = peaks.transmission_torque.max(transmission.abs());
             peaks.travel = [peaks.travel[0].min(q.min(theta)), peaks.travel[1].max(q.max(theta))];
             peaks.duty_squared_s += duty[j] * duty[j] * 1e-3;
+            peaks.speed_squared_s += thetad * thetad * 1e-3;
             away = away.max((q - drive.middle).abs().max((theta - drive.middle).abs()) / drive.half_range);
         }
         let Nearness { stuck, wrong_way, rotation } = board.control().nearness();

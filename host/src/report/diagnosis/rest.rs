@@ -60,6 +60,9 @@ pub(super) fn left(diagnosis: &Diagnosis, names: &Names<'_>) -> Section {
     if let Some(still) = words::still_missed(diagnosis, names) {
         section.prose(still);
     }
+    if let Some(next) = words::next_motion(diagnosis, "DIAG.json") {
+        section.prose(next);
+    }
     if left.places.is_empty() {
         section.prose("No curve of one argument explains enough of it to name its place.");
     } else {

@@ -1,10 +1,14 @@
 //! What pages and the terminal say of a diagnosis: joints by name, laws by title, gains with intervals.
 
 use crate::calibrate::ParameterEstimate;
-use crate::diagnose::{AT_NOISE, Defect, Diagnosis, Finding, Gain, Stability};
+use crate::diagnose::{AT_NOISE, Defect, Diagnosis, Finding, Gain, Stability, Verdict};
 use crate::effect::{Effect, Row};
+use crate::plan;
 use crate::report::number::{percent, prefixed, significant, with_error};
 use crate::robot::Robot;
+
+/// So many of the laws that came nearest another motion is to tell apart, where none has explained what is missing.
+const NEAREST: usize = 2;
 
 /// The names of a robot's joints and the units of its sensors.
 pub struct Names<'a> {
@@ -146,6 +150,41 @@ pub fn still_missed(diagnosis: &Diagnosis, names: &Names<'_>) -> Option<String> 
     ))
 }
 
+/// The command that plans a motion which tells causes from what this one cannot tell from them; where nothing has a name, which shows what came nearest. `file` is the
+/// diagnosis. None where there is no such question, or the firmware cannot play the robot a motion.
+pub fn next_motion(diagnosis: &Diagnosis, file: &str) -> Option<String> {
+    let robot = Robot::parse(&diagnosis.base.robot_toml).ok()?;
+    let ids = to_separate(diagnosis, |id| Effect::by_id(id).is_ok_and(|effect| plan::can_show(&robot, effect)));
+    let goal = match &ids[..] {
+        [] => return None,
+        [only] => format!("--for {only}"),
+        several => format!("--separate {}", several.join(",")),
+    };
+    Some(format!(
+        "A motion that would tell more: `host plan {file} {goal} -o MOTION.toml`, `host record --motion MOTION.toml`, then `host diagnose` of both recordings."
+    ))
+}
+
+/// Ids of the effects that another motion should tell from one another, those for which one can be planned.
+fn to_separate(diagnosis: &Diagnosis, can_show: impl Fn(&str) -> bool) -> Vec<&str> {
+    let nearest = diagnosis.scan.iter().map(|candidate| candidate.effect.as_str());
+    let open = diagnosis.findings.iter().filter(|finding| !finding.aliases.is_empty());
+    let confused = open.flat_map(|f| std::iter::once(f.effect.as_str()).chain(f.aliases.iter().map(String::as_str)));
+    let (all, most): (Vec<&str>, usize) = match diagnosis.verdict {
+        Verdict::None => (Vec::new(), 0),
+        Verdict::Unknown => (nearest.collect(), NEAREST),
+        Verdict::Named | Verdict::NotSeparable => (confused.collect(), usize::MAX),
+    };
+    let mut ids: Vec<&str> = Vec::new();
+    for id in all {
+        if !ids.contains(&id) && can_show(id) {
+            ids.push(id);
+        }
+    }
+    ids.truncate(most);
+    ids
+}
+
 /// Who was not seen by any fit.
 pub fn other_motion(diagnosis: &Diagnosis) -> &str {
     diagnosis.holdout.as_deref().unwrap_or("the last third, which no fit has seen")
@@ -222,4 +261,28 @@ pub fn stability(stability: &Stability, is_constant: bool) -> Option<String> {
             significant(*p, 2)
         )
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::report::diagnosis::fixture;
+
+    #[test]
+    fn an_open_question_ends_with_the_command_of_a_motion_that_answers_it() {
+        let mut diagnosed = fixture::diagnosis(0.7, "x");
+        // What has no name in the catalogue, and what no derivative tells of, is left out.
+        diagnosed.findings[1].aliases.push("end_stop".to_owned());
+        let next = |diagnosed: &Diagnosis| next_motion(diagnosed, "d.json");
+        let told = next(&diagnosed).unwrap();
+        assert!(told.contains("`host plan d.json --separate asymmetric_friction,stribeck,cogging -o MOTION.toml`"), "{told}");
+        diagnosed.verdict = Verdict::Unknown;
+        assert!(next(&diagnosed).unwrap().contains("--for cogging -o"), "only one came near");
+        diagnosed.verdict = Verdict::Named;
+        diagnosed.findings.iter_mut().for_each(|finding| finding.aliases.clear());
+        assert_eq!(next(&diagnosed), None, "nothing is open");
+        let mut emps = fixture::diagnosis(0.7, "x");
+        emps.base.robot_toml = Robot::builtin("emps").unwrap().toml().into();
+        assert_eq!(next(&emps), None, "the firmware cannot play it a motion");
+    }
 }
