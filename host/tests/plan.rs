@@ -107,16 +107,16 @@ fn what_a_plan_for_an_effect_promises_holds() {
     assert!((0.7..1.4).contains(&(calibrated / expected)), "promised ± {expected}, calibrated ± {calibrated}");
     let sizes: Vec<&str> =
         apart["sizes"].as_array().unwrap().iter().map(|size| size["name"].as_str().unwrap()).collect();
-    assert!(sizes.contains(&"backlash.h[1]") && sizes.contains(&"belt_hysteresis.k1[1]"), "{sizes:?}");
+    assert!(sizes.contains(&"asymmetric_friction.dmu[1]") && sizes.contains(&"torque_offset.o[1]"), "{sizes:?}");
     let time = promised["preset_duration_s"].as_f64().unwrap() / promised["duration_s"].as_f64().unwrap();
     let [for_one, for_both] = [&promised, &apart].map(|plan| plan["error_ratio"].as_f64().unwrap());
     // Measured: 1.68 of 2.37.
     assert!(for_one < time.sqrt(), "{for_one} of the preset's errors, which has {} in that time", time.sqrt());
-    // As long as the preset.
+    // As long as the preset. Measured: 0.58.
     eprintln!("apart: {for_both} of the preset's errors");
-    assert!(for_both < 1.0, "{for_both} of the preset's errors");
+    assert!(for_both < 0.8, "{for_both} of the preset's errors");
     let page = std::fs::read_to_string(at("apart.html")).unwrap();
-    assert!(page.contains("typical size of each effect") && page.contains("backlash.h[1]"));
+    assert!(page.contains("typical size of each effect") && page.contains("torque_offset.o[1]"));
 }
 
 #[test]

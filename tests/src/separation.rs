@@ -44,11 +44,18 @@ pub fn pairs() -> Vec<[&'static Effect; 2]> {
 ///
 /// # Panics
 /// If the built-in robot cannot be read.
-pub fn study(file: &Path, rounds: usize, workers: usize, progress: impl Fn(u64) + Sync) -> std::io::Result<Vec<Outcome>> {
+pub fn study(
+    file: &Path,
+    rounds: usize,
+    workers: usize,
+    progress: impl Fn(u64) + Sync,
+) -> std::io::Result<Vec<Outcome>> {
     let belief = Belief::of_description(Robot::builtin("doggy").expect("the built-in robot is valid"));
-    let is_of = |pair: &[&Effect; 2], outcome: &Outcome| pair.map(|effect| effect.id) == [&*outcome.pair[0], &*outcome.pair[1]];
+    let is_of =
+        |pair: &[&Effect; 2], outcome: &Outcome| pair.map(|effect| effect.id) == [&*outcome.pair[0], &*outcome.pair[1]];
     let make = |pair: &[&'static Effect; 2]| {
-        let settings = Settings { parameters: false, effects: pair.to_vec(), rounds, threads: 1, ..Settings::default() };
+        let settings =
+            Settings { parameters: false, effects: pair.to_vec(), rounds, threads: 1, ..Settings::default() };
         let began = Instant::now();
         let planned = plan(&belief, &settings, &|_| {}, &|| true);
         Outcome {
@@ -66,7 +73,10 @@ pub struct Table<'a>(pub &'a [Outcome]);
 
 impl fmt::Display for Table<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(f, "| pair | least of the sizes by the preset, standard errors | by the plan | information, least ratio | largest | s |")?;
+        writeln!(
+            f,
+            "| pair | least of the sizes by the preset, standard errors | by the plan | information, least ratio | largest | s |"
+        )?;
         writeln!(f, "|---|---|---|---|---|---|")?;
         let (mut planned, mut tenfold) = (0, 0);
         for outcome in self.0 {
@@ -78,13 +88,18 @@ impl fmt::Display for Table<'_> {
                         let errors = sizes.iter().map(|size| of(size).map_or(0.0, |error| (size.value / error).abs()));
                         errors.fold(f64::INFINITY, f64::min)
                     };
-                    let ratios: Vec<f64> = sizes.iter().filter_map(|size| size.ratio).map(|ratio| ratio.powi(-2)).collect();
+                    let ratios: Vec<f64> =
+                        sizes.iter().filter_map(|size| size.ratio).map(|ratio| ratio.powi(-2)).collect();
                     let least = ratios.iter().copied().fold(f64::INFINITY, f64::min);
                     let largest = ratios.iter().copied().fold(0.0, f64::max);
                     planned += 1;
                     tenfold += usize::from(least >= 10.0);
                     let (preset, plan) = (seen(&|size| size.preset_std_error), seen(&|size| size.std_error));
-                    writeln!(f, "| {pair} | {preset:.1} | {plan:.1} | {least:.2} | {largest:.2} | {:.0} |", outcome.seconds)?;
+                    writeln!(
+                        f,
+                        "| {pair} | {preset:.1} | {plan:.1} | {least:.2} | {largest:.2} | {:.0} |",
+                        outcome.seconds
+                    )?;
                 }
             }
         }

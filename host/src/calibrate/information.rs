@@ -17,11 +17,11 @@ use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
 use super::data::series::Series;
 use super::error::CalibrateError;
+use super::extension::laws;
 use super::identifiability::noise_free::NoiseFree;
 use super::identifiability::{identify, observability};
 use super::initial_guess::start;
 use super::noise_estimate::floor;
-use super::extension::laws;
 use super::requirements::accept;
 use super::residuals::noise::{Noise, process_names};
 use super::residuals::point::Point;
@@ -120,7 +120,7 @@ pub struct SizedLaw {
 /// A coordinate of a law.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SizedCoordinate {
-    /// Name of the result that it stands in.
+    /// Name of the result that it stands in; of an amplitude, with ` cos` or ` sin`.
     pub name: String,
     /// Unit of that result.
     pub unit: &'static str,

@@ -140,9 +140,10 @@ fn goals(args: &Args) -> Result<(bool, Vec<&'static Effect>), Failure> {
     }
     let is_parameters = |goal: &&String| goal.as_str() == PARAMETERS;
     let ids = args.goals.iter().filter(|goal| !is_parameters(goal)).chain(&args.separate);
-    let effects: Vec<&Effect> = ids.map(|id| Effect::by_id(id)).collect::<Result<_, _>>().map_err(|error| {
-        Failure::usage(error).advice("give --for parameters, or ids that `host effects` lists")
-    })?;
+    let effects: Vec<&Effect> = ids
+        .map(|id| Effect::by_id(id))
+        .collect::<Result<_, _>>()
+        .map_err(|error| Failure::usage(error).advice("give --for parameters, or ids that `host effects` lists"))?;
     Ok((effects.is_empty() || args.goals.iter().any(|goal| is_parameters(&goal)), effects))
 }
 

@@ -8,7 +8,7 @@ use rand::Rng;
 
 use super::surrogate::{At, Hook, Law, Laws, Of, Parameters, Quantity, acts_on_joints, only};
 use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Row, Scale, Size, draw};
-use crate::robot::{Robot, Symbol};
+use crate::robot::Robot;
 
 pub(super) const EFFECT: Effect = Effect {
     id: "cable_spring",
@@ -26,7 +26,7 @@ pub(super) const EFFECT: Effect = Effect {
     laws,
 };
 
-/// Shares of k_s.
+/// Shares of k_s; where the joint is rigid, of what stands for it.
 const SHARE: [f64; 3] = [0.0015, 0.004, 0.011];
 
 #[derive(Debug)]
@@ -42,8 +42,8 @@ impl Physics for CableSpring {
 }
 
 fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectError> {
-    let joints = draw::some(EFFECT.id, draw::elastic(robot), draw::NO_BELT)?;
-    let k_c = draw::per_joint(robot, &joints, size, SHARE, |j| draw::nominal(robot, Symbol::KS, j), rng);
+    let joints = draw::all(robot);
+    let k_c = draw::per_joint(robot, &joints, size, SHARE, |j| draw::stiffness_scale(robot, j), rng);
     let values = draw::of_joints((EFFECT.id, robot), "k_c", "N m/rad", &joints, &k_c).collect();
     Ok(Hidden { id: EFFECT.id, values, physics: Box::new(CableSpring { k_c }) })
 }
@@ -75,9 +75,8 @@ impl CableLaw {
 }
 
 fn laws(robot: &Robot) -> Laws {
-    let joints = draw::some(EFFECT.id, draw::elastic(robot), draw::NO_BELT)?;
     let mut parameters = Parameters::on(EFFECT.id, robot);
-    for joint in joints {
+    for joint in draw::all(robot) {
         parameters.plain("k_c", "N m/rad", Of::Joint(joint), 0.0);
     }
     only(CableLaw { parameters })

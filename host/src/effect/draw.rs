@@ -74,6 +74,20 @@ pub(super) fn torque_scale(robot: &Robot, joint: usize) -> f64 {
     full_torque(robot, joint).max(10.0 * nominal(robot, Symbol::Mu, joint))
 }
 
+/// Of a rigid joint, for what is measured by the stiffness of a belt elsewhere: its torque scale bends it by so much, rad; of one that slides, in halves of its travel. On
+/// Doggy the belts' windup at full voltage is as large.
+const BENT: f64 = 0.28;
+
+/// What stiffnesses at a joint are measured by: that of its transmission; where it is rigid, see [`BENT`], N m/rad or N/m.
+pub(super) fn stiffness_scale(robot: &Robot, joint: usize) -> f64 {
+    let [low, high] = robot.joints[joint].limits;
+    match (robot.joints[joint].transmission, robot.joints[joint].kind) {
+        (Transmission::Elastic, _) => nominal(robot, Symbol::KS, joint),
+        (Transmission::Rigid, JointKind::Revolute) => torque_scale(robot, joint) / BENT,
+        (Transmission::Rigid, JointKind::Prismatic) => torque_scale(robot, joint) / (BENT * 0.5 * (high - low)),
+    }
+}
+
 /// Joints of `effect` whose motor is driven by a voltage.
 ///
 /// # Errors

@@ -1,14 +1,14 @@
 //! Load-dependent friction: bearings and gears rub more the more they carry.
 //!
 //! ```text
-//! μ (1 + a |τ_c|) sgn θ̇
+//! μ (1 + a |τ_c|) sgn θ̇        τ_c: torque of the transmission; of a rigid joint, whose gear carries nearly all of it, that of the motor
 //! ```
 
 use rand::Rng;
 
 use super::surrogate::{At, Hook, Law, Laws, Of, Parameters, Quantity, acts_on_joints, only};
 use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Row, Scale, Size, draw};
-use crate::robot::{Robot, Symbol};
+use crate::robot::Robot;
 
 pub(super) const EFFECT: Effect = Effect {
     id: "load_friction",
@@ -26,7 +26,7 @@ pub(super) const EFFECT: Effect = Effect {
     laws,
 };
 
-/// a times the torque of a windup of 0.1 rad.
+/// a times the torque of a windup of 0.1 rad; where the joint is rigid, of what stands for it.
 const SHARE: [f64; 3] = [0.24, 0.65, 1.7];
 /// Where the shares are meant, rad.
 const WINDUP_RAD: f64 = 0.1;
@@ -44,10 +44,8 @@ impl Physics for LoadFriction {
 }
 
 fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectError> {
-    let mut joints = draw::elastic(robot);
-    joints.retain(|joint| draw::nominal(robot, Symbol::Mu, *joint) > 0.0);
-    let joints = draw::some(EFFECT.id, joints, "no joint turns with friction through an elastic transmission")?;
-    let unit = |joint| 1.0 / (draw::nominal(robot, Symbol::KS, joint) * WINDUP_RAD);
+    let joints = draw::some(EFFECT.id, draw::rubbing(robot), draw::NO_FRICTION)?;
+    let unit = |joint| 1.0 / (draw::stiffness_scale(robot, joint) * WINDUP_RAD);
     let a = draw::per_joint(robot, &joints, size, SHARE, unit, rng);
     let values = draw::of_joints((EFFECT.id, robot), "a", "1/(N m)", &joints, &a).collect();
     Ok(Hidden { id: EFFECT.id, values, physics: Box::new(LoadFriction { a }) })
@@ -80,9 +78,7 @@ impl LoadLaw {
 }
 
 fn laws(robot: &Robot) -> Laws {
-    let mut joints = draw::elastic(robot);
-    joints.retain(|joint| draw::nominal(robot, Symbol::Mu, *joint) > 0.0);
-    let joints = draw::some(EFFECT.id, joints, "no joint turns with friction through an elastic transmission")?;
+    let joints = draw::some(EFFECT.id, draw::rubbing(robot), draw::NO_FRICTION)?;
     let mut parameters = Parameters::on(EFFECT.id, robot);
     for joint in joints {
         parameters.plain("a", "1/(N m)", Of::Joint(joint), 0.0);

@@ -228,6 +228,9 @@ impl Drive {
         if elastic {
             let spring = at.k_s * at.wind() + at.d_s * at.wind_rate();
             at.transmitted = joint.ask(Hook::Transmission, &mut at, spring);
+        } else {
+            // Its gear carries what the motor gives, but for what turns the rotor.
+            at.transmitted = -motor;
         }
         let coulomb = at.coulomb();
         let friction = joint.ask(Hook::Friction, &mut at, coulomb) + physical(c.offset);

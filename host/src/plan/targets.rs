@@ -35,7 +35,10 @@ pub fn laws(belief: &Belief, motion: &Motion, effects: &[&'static Effect]) -> Re
 pub fn can_show(robot: &Robot, effect: &Effect) -> bool {
     let is_played = robot.input.unit == InputUnit::Duty;
     let law = effect.laws(robot).ok().and_then(|laws| laws.into_iter().next());
-    is_played && law.is_some_and(|law| !law.is_event() && effect.parameters.iter().any(|p| p.role.is_size() && p.typical.is_some()))
+    is_played
+        && law.is_some_and(|law| {
+            !law.is_event() && effect.parameters.iter().any(|p| p.role.is_size() && p.typical.is_some())
+        })
 }
 
 /// The scales of the likeliest robot in a motion.
@@ -75,15 +78,21 @@ fn law(belief: &Belief, effect: &'static Effect, scales: &RobotScales) -> Result
             let name = format!("{}.coordinate[{}]", effect.id, index + 1);
             return SizedCoordinate { name, unit: "", typical: 1.0, moves: 1.0, is_size: false };
         };
-        let median = effect.parameter(&result.name).and_then(|parameter| parameter.typical).map(|typical| typical.median);
+        let median =
+            effect.parameter(&result.name).and_then(|parameter| parameter.typical).map(|typical| typical.median);
         let typical = median.zip(effect.scale(&result.name, scales)).map(|(median, scale)| median * scale);
         // Amplitudes at zero have a slope of nothing: both parts of a wave are as large as it.
         let slope = match result.form {
             Form::Exp(_) => result.form.value(&start).0,
             _ => 1.0,
         };
+        let part = match result.form {
+            Form::Amplitude(c, _) | Form::SignedAmplitude(c, _) if c == index => " cos",
+            Form::Amplitude(..) | Form::SignedAmplitude(..) => " sin",
+            _ => "",
+        };
         SizedCoordinate {
-            name: result.name.clone(),
+            name: format!("{}{part}", result.name),
             unit: result.unit,
             typical: typical.unwrap_or(1.0),
             // Of a logarithm whose result has no typical size, a factor of e.

@@ -45,7 +45,8 @@ fn sizes(plan: &Plan) -> Section {
         .numbers("information, ratio", "")
         .numbers("worst robot, ratio", "");
     for p in &plan.sizes {
-        let seen = |error: Option<f64>| error.map_or("not seen".to_owned(), |error| significant((p.value / error).abs(), 3));
+        let seen =
+            |error: Option<f64>| error.map_or("not seen".to_owned(), |error| significant((p.value / error).abs(), 3));
         let ratio = |ratio: Option<f64>| ratio.map_or(String::new(), |ratio| significant(ratio.powi(-2), 3));
         table.row([
             Cell::from(p.name.as_str()),

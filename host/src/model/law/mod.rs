@@ -82,7 +82,7 @@ pub struct At<'a, T> {
     pub friction_speed: T,
     /// Its smooth sign as in equation (12).
     pub friction_sign: T,
-    /// Torque of the transmission after all laws; zero as long as it is not known.
+    /// Torque of the transmission after all laws, of a rigid joint that of its motor, turned; zero as long as it is not known.
     pub transmitted: T,
     /// The law's parameters at this joint, in the order of [`Law::local`].
     pub parameters: &'a [T],

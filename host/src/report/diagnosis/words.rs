@@ -275,7 +275,10 @@ mod tests {
         diagnosed.findings[1].aliases.push("end_stop".to_owned());
         let next = |diagnosed: &Diagnosis| next_motion(diagnosed, "d.json");
         let told = next(&diagnosed).unwrap();
-        assert!(told.contains("`host plan d.json --separate asymmetric_friction,stribeck,cogging -o MOTION.toml`"), "{told}");
+        assert!(
+            told.contains("`host plan d.json --separate asymmetric_friction,stribeck,cogging -o MOTION.toml`"),
+            "{told}"
+        );
         diagnosed.verdict = Verdict::Unknown;
         assert!(next(&diagnosed).unwrap().contains("--for cogging -o"), "only one came near");
         diagnosed.verdict = Verdict::Named;

@@ -168,6 +168,8 @@ impl Equations {
             if drive.elastic {
                 let spring = at.k_s * at.wind() + at.d_s * at.wind_rate();
                 at.transmitted = self.asked(at, own, spring, <dyn Physics>::transmission_torque);
+            } else {
+                at.transmitted = -motor;
             }
             let mut friction = self.asked(at, own, at.coulomb(), <dyn Physics>::friction_torque) + drive.offset;
             torque[i] -= self.asked(at, own, 0.0, <dyn Physics>::link_load);
