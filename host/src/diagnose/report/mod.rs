@@ -79,8 +79,8 @@ pub fn report(
     }
     let first_gains = evidence.first_curves.iter().any(|curve| curve.p_family < LEVEL);
     let gains = !findings.is_empty() || first_gains || refused.clone().next().is_some();
-    let base_fit = base_fit(&base.calibration, judged.ahead_sigma, gains);
-    let verdict = verdict(&findings, base_fit.fits, first_gains || refused.clone().next().is_some());
+    let base_fit = base_fit(&base.calibration.noise, base.calibration.status, judged.ahead_sigma, gains);
+    let verdict = verdict(&findings, base_fit.fits);
     if unexplained.places.is_empty() && verdict != Verdict::None {
         unexplained.places.extend(place_of_steps(robot, base, extended.as_ref().unwrap_or(base)));
     }
@@ -317,9 +317,9 @@ fn acts_like(robot: &Robot, effect: &Effect, p: &ParameterEstimate) -> String {
     format!("acts like {} = {:.4} {}, which no robot has: most likely {culprit} are wrong", p.name, p.estimate, p.unit)
 }
 
-fn verdict(findings: &[Finding], fits: bool, misfit_is_supported: bool) -> Verdict {
+fn verdict(findings: &[Finding], fits: bool) -> Verdict {
     match findings {
-        [] if fits || !misfit_is_supported => Verdict::None,
+        [] if fits => Verdict::None,
         [] => Verdict::Unknown,
         findings if findings.iter().all(|finding| finding.weight < WEIGHT && !finding.aliases.is_empty()) => {
             Verdict::NotSeparable
