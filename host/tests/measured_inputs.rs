@@ -217,7 +217,20 @@ fn pushes_by_hand_do_not_draw_the_parameters() {
     };
     for seed in 0..3 {
         let table = pushed_table(LIGHT, (0.01, 30.0), &SLOW, ((0.1, 1e-4), seed), push);
-        let (calibration, _) = calibrated(folder.path(), (&table, &robot), 0);
+        let (calibration, said) = calibrated(folder.path(), (&table, &robot), 0);
+        assert!(said.contains("does not explain the motion at 2 times"), "seed {seed}: {said}");
+        let pushes = calibration["pushes"].as_array().unwrap();
+        for (told, [from, to, torque]) in pushes.iter().zip([[8.0, 8.3, 12.0], [19.0, 19.4, -9.0]]) {
+            let value = |name: &str| told[name].as_f64().unwrap();
+            // Two samples, and a tenth of the torque.
+            assert!(
+                (value("from_s") - from).abs() < 0.021 && (value("to_s") - to).abs() < 0.021,
+                "seed {seed}: {told}"
+            );
+            assert!((value("largest").abs() / torque.abs() - 1.0).abs() < 0.1, "seed {seed}: {told}");
+            assert_eq!(value("largest") < 0.0, torque > 0.0, "what was measured less what acted: {told}");
+        }
+        assert_eq!(pushes.len(), 2, "seed {seed}: {pushes:?}");
         for (name, truth) in [("b[1]", LIGHT.inertia), ("mz[1]", -LIGHT.weight / G)] {
             let (estimate, error) = parameter(&calibration, name);
             assert!((estimate - truth).abs() < 4.0 * error, "seed {seed}: {name} {estimate} ± {error} of {truth}");

@@ -29,7 +29,7 @@ use super::result::calibration::{BlockScatter, Calibration, Seconds, Status};
 use super::result::fitted::Fit;
 use super::result::misfit;
 use super::result::summary;
-use super::result::untold_ages;
+use super::result::{pushes_told, untold_ages};
 use super::scatter;
 use super::search::{self, Found};
 use super::search::{marginal, specification};
@@ -378,7 +378,9 @@ impl Task<'_> {
             coloured: !scatter.wider.is_empty(),
         });
         calibration.misfit = misfit::sentences(&problem, (&found, &disagree), &calibration);
+        calibration.pushes = pushes_told::pushes(&problem, &found.solution.point);
         calibration.notes = untold_ages::sentences(robot, self.recordings, &calibration);
+        calibration.notes.extend(pushes_told::sentences(robot, &calibration.pushes));
         if !calibration.misfit.is_empty() && calibration.status.is_usable() {
             calibration.status = Status::DoesNotFit;
         }

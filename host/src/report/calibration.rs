@@ -310,6 +310,7 @@ mod tests {
             }],
             misfit: Vec::new(),
             notes: Vec::new(),
+            pushes: Vec::new(),
             scatter: None,
             fit: vec![ChannelFit { channel: "gyro1.x".into(), rms: Some(1e-3), nrmse: Some(0.01) }],
             first_states: Vec::new(),

@@ -78,11 +78,29 @@ pub struct Calibration {
     /// What else a reader of the result should know, in sentences.
     #[serde(default)]
     pub notes: Vec<String>,
+    /// Times at which a measured input misses far more than it does otherwise.
+    #[serde(default)]
+    pub pushes: Vec<Push>,
     /// How residuals scatter between blocks of time; none where there are too few blocks.
     #[serde(default)]
     pub scatter: Option<BlockScatter>,
     /// The estimated first state of each recording, in the order (q, q̇, θ, θ̇): x₀ of the paper's section 5.2.
     pub first_states: Vec<Vec<f64>>,
+}
+
+/// A time at which a measured input misses far more than it does otherwise.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Push {
+    /// In which recording, 1-based.
+    pub recording: usize,
+    /// At which joint, 1-based.
+    pub joint: usize,
+    /// First and last sample, s since the start of the recording.
+    pub from_s: f64,
+    /// See `from_s`.
+    pub to_s: f64,
+    /// The largest error of the input, in its unit: what was measured less what the motion took.
+    pub largest: f64,
 }
 
 /// How residuals scatter between blocks of time.

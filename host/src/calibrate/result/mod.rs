@@ -4,5 +4,6 @@ pub(crate) mod calibration;
 pub(crate) mod channels;
 pub(crate) mod fitted;
 pub(crate) mod misfit;
+pub(crate) mod pushes_told;
 pub(crate) mod summary;
 pub(crate) mod untold_ages;

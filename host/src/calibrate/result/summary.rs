@@ -175,6 +175,7 @@ pub(crate) fn summarise<'m>(
         fit,
         misfit: Vec::new(),
         notes: Vec::new(),
+        pushes: Vec::new(),
         scatter: None,
         first_states: problem.series.recordings.iter().map(|range| end.state(range.start).to_vec()).collect(),
     }

@@ -112,6 +112,7 @@ pub fn calibration(robot: &Robot, extensions: &[&str]) -> Calibration {
         fit: Vec::new(),
         misfit: Vec::new(),
         notes: Vec::new(),
+        pushes: Vec::new(),
         scatter: None,
         first_states: Vec::new(),
     }

@@ -148,6 +148,7 @@ fn calibration() -> Calibration {
         }],
         misfit: Vec::new(),
         notes: Vec::new(),
+        pushes: Vec::new(),
         scatter: None,
         fit: vec![Fit { channel: "encoder2".into(), rms: Some(1e-3), nrmse: None }],
         first_states: Vec::new(),
