@@ -3,8 +3,11 @@
 //! A board with interrupts takes the parts instead ([`ControlLoop`], [`Telemetry`], [`Receiver`] and the ends of
 //! [`Queues`]) and gives each to its task; it is the same code.
 
+use embedded_storage::nor_flash::NorFlash;
+
 use crate::config::Config;
 use crate::control::{ControlLoop, Inputs, Outputs};
+use crate::description::Hardware;
 use crate::queues::Queues;
 use crate::receive::{ReceiveCounts, Receiver};
 use crate::telemetry::Telemetry;
@@ -39,6 +42,12 @@ impl ControlCore {
     pub fn tick(&mut self, now_us: u32, inputs: &Inputs) -> Outputs {
         let (mut ends, _, _) = self.queues.split();
         self.control.tick(now_us, inputs, &mut ends)
+    }
+
+    /// Stores the description that a tick has asked to be stored ([`Outputs::store`]); see [`ControlLoop::store`].
+    pub fn store<F: NorFlash>(&mut self, hardware: &Hardware<'_>, flash: &mut F) {
+        let (mut ends, _, _) = self.queues.split();
+        self.control.store(hardware, flash, &mut ends);
     }
 
     /// Bytes from the host; see [`Receiver::receive`].
