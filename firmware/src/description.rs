@@ -74,7 +74,8 @@ impl Hardware<'_> {
     }
 
     /// What a start runs: the description in the flash, or what is built in if there is none or this board cannot run it.
-    /// [`Config::descriptions`] tells which it was. `room` is free afterwards.
+    /// [`Config::descriptions`] tells which it was, and that nothing can be stored where the flash has no room. `room` is free
+    /// afterwards.
     #[inline(never)]
     pub fn start<F: ReadNorFlash>(&self, flash: &mut F, room: &mut Bytes, built_in: impl FnOnce() -> Config) -> Config {
         let stored = store::load(flash, room);
@@ -82,7 +83,9 @@ impl Hardware<'_> {
         room.clear();
         let running = stored.filter(|_| described.is_some());
         let mut config = described.unwrap_or_else(built_in);
-        config.stores(running, stored);
+        if flash.capacity() >= 2 * store::MIN_AREA_BYTES {
+            config.stores(running, stored);
+        }
         config
     }
 

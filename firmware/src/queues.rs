@@ -10,9 +10,10 @@
 //! (samples) or asked for again by the host (answers).
 
 use heapless::spsc::{Consumer, Producer, Queue};
+use protocol::description::Stamp;
 use protocol::motion::Motion;
 use protocol::request::Status;
-use protocol::{Descriptions, Event, Loss, MAX_ENCODERS, Refusal, Sample, ToDevice};
+use protocol::{Event, Loss, MAX_ENCODERS, Refusal, Sample, ToDevice};
 
 use crate::constants::{COMMAND_QUEUE, REPLY_QUEUE, SAMPLE_QUEUE};
 use crate::store::Bytes;
@@ -24,8 +25,8 @@ pub enum Reply {
     Hello {
         /// Counts of the encoders at zero.
         zero: Option<[i32; MAX_ENCODERS]>,
-        /// Which description runs, and which one is stored.
-        description: Descriptions,
+        /// Which description is stored.
+        stored: Option<Stamp>,
     },
     /// A request was carried out.
     Accepted {

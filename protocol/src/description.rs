@@ -289,7 +289,7 @@ pub enum DescriptionError {
         board: u8,
     },
     /// The board reads another part in this place.
-    #[error("gyro {} is a {described}, and the board reads a {board} there", gyro + 1)]
+    #[error("gyro {} is a {described}, and the board reads one of type {board} there", gyro + 1)]
     GyroPart {
         /// Which gyro.
         gyro: u8,

@@ -247,7 +247,7 @@ impl ControlLoop {
             None => {}
             Some(ToDevice::Hello(_)) => {
                 self.memory.forget();
-                reply(Reply::Hello { zero: self.sensors.zero, description: self.descriptions }, ends);
+                reply(Reply::Hello { zero: self.sensors.zero, stored: self.descriptions.stored }, ends);
             }
             Some(ToDevice::Heartbeat(heartbeat)) => {
                 self.heartbeat.heard(now.t_us);

@@ -201,6 +201,9 @@ fn nothing_is_stored_outside_the_idle_state_or_without_a_place() {
     let mut bench = Bench::new(Plant::doggy(3, 1));
     bench.run(20);
     assert_eq!(push(&mut bench, &encoded(&another())), Err(Refusal::NoStore));
+    let mut bench = Bench::storing(RamFlash(Vec::new()));
+    bench.run(20);
+    assert_eq!(push(&mut bench, &encoded(&another())), Err(Refusal::NoStore), "a flash without room");
 
     let mut bench = Bench::storing(empty());
     bench.prepare(&motion);
@@ -238,6 +241,10 @@ fn a_long_erase_raises_no_fault() {
     assert_eq!(bench.core.control().state(), State::Idle);
 }
 
+/// Power of ten of the counts for a rad and whether they count backwards, limits as parts of the widest, axis, duty limits,
+/// coasting time, time for which the belt holds, and what the joint carries.
+type DrawnJoint = ((f64, bool), (f64, f64), Axis, (Duty, Duty), f32, f32, Vec<f32>);
+
 /// Robots at the ends of what the checks let pass.
 fn extreme() -> impl Strategy<Value = Description> {
     let figure = || prop_oneof![0.0..10.0_f32, Just(0.0), Just(f32::MAX), Just(1e-30), Just(1e10)];
@@ -250,16 +257,8 @@ fn extreme() -> impl Strategy<Value = Description> {
     let joint =
         (scale, (part(), part()), axis, (duty(), duty()), coast_s, figure(), proptest::collection::vec(figure(), 3));
     let gyro = (0..3_u8, 0.0..std::f32::consts::TAU, 0.0..std::f32::consts::TAU);
-    let described = |(index, joint): (usize, _)| {
-        let ((scale, reversed), (below, above), axis, (standing_duty, max_duty), coast_s, held_s, carried): (
-            (f64, bool),
-            (f64, f64),
-            Axis,
-            (Duty, Duty),
-            f32,
-            f32,
-            Vec<f32>,
-        ) = joint;
+    let described = |(index, joint): (usize, DrawnJoint)| {
+        let ((scale, reversed), (below, above), axis, (standing_duty, max_duty), coast_s, held_s, carried) = joint;
         let scale = 10_f64.powf(scale);
         let widest = f64::from(1 << 29) / scale;
         let limits = Limits { min: (-below * widest) as f32, max: (above * widest) as f32 };
