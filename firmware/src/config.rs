@@ -3,65 +3,16 @@
 //! The same facts go into the handshake, so host and device cannot disagree about a scale.
 
 use heapless::Vec;
+pub use protocol::description::DescriptionError as ConfigError;
+use protocol::description::{Descriptions, Stamp};
 use protocol::hello::PanicPlace;
 use protocol::motion::Limits;
-use protocol::sample::{Layout, LayoutError};
-use protocol::{Duty, EncoderInfo, GyroInfo, Hello, Identity, MAX_ENCODERS, MAX_GYROS, MAX_JOINTS, ResetReason, Side};
+use protocol::sample::Layout;
+use protocol::{Duty, EncoderInfo, GyroInfo, Hello, Identity, MAX_ENCODERS, MAX_GYROS, MAX_JOINTS, ResetReason};
 
+use crate::check::{check, motor_encoder};
 use crate::constants;
 use crate::safety::{Axis, DriveBounds, EncoderBounds, GyroBounds, JointLimits, RotationWatch, STILL_COUNTS, Turn};
-
-/// A robot that the core cannot run.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum ConfigError {
-    /// More or fewer joints, encoders or gyros than a sample can carry.
-    Layout(LayoutError),
-    /// A joint has no encoder on its motor: nothing to control it by. Joints count from 0.
-    NoMotorEncoder {
-        /// Which joint.
-        joint: usize,
-    },
-    /// A scale of zero, or not a number.
-    Scale {
-        /// Which encoder, from 0.
-        encoder: usize,
-    },
-    /// A step of a gyro's words that is not positive, not a number, or beyond 1 rad/s.
-    GyroScale {
-        /// Which gyro, from 0.
-        gyro: usize,
-    },
-    /// A mount whose rows are no unit vectors.
-    Mount {
-        /// Which gyro, from 0.
-        gyro: usize,
-    },
-    /// An axis that is no unit vector.
-    Axis {
-        /// Which joint, from 0.
-        joint: usize,
-    },
-    /// An angle by which belts give way that is negative, not a number, or beyond a turn.
-    Belts {
-        /// Which gyro, from 0.
-        gyro: usize,
-    },
-    /// What a joint carries, or the time for which its belt holds it, is negative or not a number.
-    Carried {
-        /// Which joint, from 0.
-        joint: usize,
-    },
-    /// A range that is empty or not a number.
-    Limits {
-        /// Which joint, from 0.
-        joint: usize,
-    },
-    /// A coasting time that is negative, not a number, or beyond ten seconds.
-    Coast {
-        /// Which joint, from 0.
-        joint: usize,
-    },
-}
 
 /// What the description file says of a joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -160,9 +111,7 @@ impl Config {
         encoders: &[EncoderInfo],
         gyros: &[GyroSetup],
     ) -> Result<Self, ConfigError> {
-        let count = |n: usize| u8::try_from(n).unwrap_or(u8::MAX);
-        let layout =
-            Layout::new(count(joints.len()), count(encoders.len()), count(gyros.len())).map_err(ConfigError::Layout)?;
+        let layout = check(joints, encoders, gyros)?;
         let mut bounds = [EncoderBounds {
             max_step_counts: i32::MAX,
             standing_duty: 0,
@@ -170,11 +119,8 @@ impl Config {
             held_push_squared: 0,
             stale_ticks: 0,
         }; MAX_ENCODERS];
-        for (index, (encoder, bounds)) in encoders.iter().zip(&mut bounds).enumerate() {
+        for (encoder, bounds) in encoders.iter().zip(&mut bounds) {
             let scale = counts_per_unit(encoder);
-            if !(scale.is_normal() && scale > 0.0) {
-                return Err(ConfigError::Scale { encoder: index });
-            }
             let step = constants::MAX_SPEED_PER_S * scale * constants::TICK_US as f32 * 1e-6;
             let setup = joints.get(usize::from(encoder.joint));
             *bounds = EncoderBounds {
@@ -185,22 +131,10 @@ impl Config {
                 stale_ticks: constants::ENCODER_STALE_TICKS,
             };
         }
-        for (index, gyro) in gyros.iter().enumerate() {
-            let GyroSetup { info, mount, give_rad, sag_rad } = gyro;
-            if !(info.rad_s_per_lsb.is_normal() && (0.0..1.0).contains(&info.rad_s_per_lsb)) {
-                return Err(ConfigError::GyroScale { gyro: index });
-            }
-            if !mount.iter().all(is_unit) {
-                return Err(ConfigError::Mount { gyro: index });
-            }
-            if ![give_rad, sag_rad].iter().all(|rad| (0.0..=core::f32::consts::TAU).contains(*rad)) {
-                return Err(ConfigError::Belts { gyro: index });
-            }
-        }
         let mut loop_joints = Vec::<Joint, MAX_JOINTS>::new();
         for (index, setup) in joints.iter().enumerate() {
-            // `Layout::new` has bounded the joints by MAX_JOINTS, so the push fits.
-            let _ = loop_joints.push(joint(index, setup, encoders)?);
+            // The check has bounded the joints by MAX_JOINTS, so the push fits.
+            let _ = loop_joints.push(joint(motor_encoder(index, encoders)?, setup, encoders));
         }
         let mut scales = [f32::INFINITY; MAX_JOINTS];
         for (scale, joint) in scales.iter_mut().zip(&loop_joints) {
@@ -218,6 +152,7 @@ impl Config {
             zero: None,
             reset: ResetReason::Unknown,
             panic: None,
+            description: Descriptions::default(),
             code_crc: None,
         };
         let rotations = gyros.iter().map(RotationWatch::new).take(MAX_GYROS).collect();
@@ -229,6 +164,13 @@ impl Config {
     pub fn started_by(&mut self, reset: ResetReason, panic: Option<PanicPlace>) -> &mut Self {
         self.hello.reset = reset;
         self.hello.panic = panic;
+        self
+    }
+
+    /// The board has a place for a description; which stored one runs, if it is not the one that is built in, and which one
+    /// is stored.
+    pub fn stores(&mut self, running: Option<Stamp>, stored: Option<Stamp>) -> &mut Self {
+        self.hello.description = Descriptions { running, stored, can_store: true };
         self
     }
 
@@ -251,6 +193,11 @@ impl Config {
         self
     }
 
+    /// Which description runs, and which one is stored.
+    pub fn descriptions(&self) -> Descriptions {
+        self.hello.description
+    }
+
     /// Numbers of joints, encoders and gyros.
     pub fn layout(&self) -> Layout {
         self.hello.layout
@@ -263,7 +210,7 @@ impl Config {
 }
 
 /// Counts per rad or m of the joint, without sign.
-fn counts_per_unit(encoder: &EncoderInfo) -> f32 {
+pub(crate) fn counts_per_unit(encoder: &EncoderInfo) -> f32 {
     (f64::from(encoder.counts_per_turn.unsigned_abs()) * encoder.gear / core::f64::consts::TAU) as f32
 }
 
@@ -286,29 +233,12 @@ fn held_push_squared(held_s: f32) -> u64 {
     (ticks * ticks * f32::from(Duty::FULL)) as u64
 }
 
-fn is_unit(vector: &[f32; 3]) -> bool {
-    (0.99..1.01).contains(&vector.iter().map(|part| part * part).sum::<f32>())
-}
-
-fn joint(index: usize, setup: &JointSetup, encoders: &[EncoderInfo]) -> Result<Joint, ConfigError> {
+/// A joint that was checked, with the index of its motor encoder.
+fn joint(encoder: usize, setup: &JointSetup, encoders: &[EncoderInfo]) -> Joint {
     let Limits { min, max } = setup.limits;
-    if !(min.is_finite() && max.is_finite() && min < max) {
-        return Err(ConfigError::Limits { joint: index });
-    }
-    if !(0.0..=10.0).contains(&setup.coast_s) {
-        return Err(ConfigError::Coast { joint: index });
-    }
-    if matches!(setup.axis, Axis::Turns(axis) if !is_unit(&axis)) {
-        return Err(ConfigError::Axis { joint: index });
-    }
-    let on_motor = |e: &EncoderInfo| usize::from(e.joint) == index && e.side == Side::Motor;
-    if !setup.carried_s2.iter().chain([&setup.held_s]).all(|number| (0.0..f32::INFINITY).contains(number)) {
-        return Err(ConfigError::Carried { joint: index });
-    }
-    let encoder = encoders.iter().position(on_motor).ok_or(ConfigError::NoMotorEncoder { joint: index })?;
     let scale = counts_per_unit(&encoders[encoder]);
     let range = (max - min) * scale;
-    Ok(Joint {
+    Joint {
         limits: setup.limits,
         counts_per_unit: scale,
         encoder,
@@ -330,11 +260,13 @@ fn joint(index: usize, setup: &JointSetup, encoders: &[EncoderInfo]) -> Result<J
             carried: [0; MAX_JOINTS],
         },
         turn: Turn::new(setup.axis, scale),
-    })
+    }
 }
 
 #[cfg(test)]
 mod tests {
+    use protocol::Side;
+
     use super::*;
 
     #[test]

@@ -9,7 +9,7 @@ use crate::safety::GyroBounds;
 /// Period of the tick, µs: the estimator's T_s.
 pub const TICK_US: u32 = 1000;
 
-/// Samples that wait for the line: at one a millisecond, 10 ms; the longest frame, a handshake, takes 5.5 ms.
+/// Samples that wait for the line: at one a millisecond, 10 ms; the longest frame, a handshake, takes 5.7 ms.
 pub const SAMPLE_QUEUE: usize = 10;
 /// Answers and events that wait for the line. The host has one request under way at a time (two answers at most) and a
 /// heartbeat every 20 ms; a fault makes three events at most.

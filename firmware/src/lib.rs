@@ -19,7 +19,8 @@
 //!
 //! Navigating: [`control`] is the tick and what it does with requests, [`motion`] the player and the presets,
 //! [`safety`] the watches and limits, [`driver`] the gyroscopes and counters, [`queues`] what connects the tasks,
-//! [`config`] and [`robot`] a robot's figures, [`constants`] every other number with its derivation, [`wiring`] what a
+//! [`config`] and [`robot`] a robot's figures, [`description`] and [`store`] those that a host sends and the flash keeps,
+//! [`constants`] every other number with its derivation, [`wiring`] what a
 //! board provides, with the parts of a board that need no chip. The boards and the image are the binary of this crate.
 //!
 //! ```
@@ -43,9 +44,11 @@
 #![forbid(unsafe_code)]
 
 mod app;
+mod check;
 pub mod config;
 pub mod constants;
 pub mod control;
+pub mod description;
 pub mod driver;
 pub mod lockstep;
 pub mod motion;
@@ -54,12 +57,15 @@ mod receive;
 pub mod robot;
 pub mod safety;
 mod speed;
+pub mod store;
 mod telemetry;
 pub mod wiring;
 
 pub use app::{ControlCore, RAM_BUDGET};
+pub use check::check;
 pub use config::{Config, ConfigError, GyroSetup, JointSetup};
 pub use control::{ControlLoop, Inputs, Nearness, Outputs};
+pub use description::Hardware;
 pub use receive::{ReceiveCounts, Receiver};
 pub use safety::GyroInput;
 pub use telemetry::Telemetry;

@@ -63,6 +63,7 @@ mod app {
         control: &'static mut ControlLoop,
         tick_ends: TickEnds<'static>,
         watchdog: board::Watchdog,
+        store: board::Store,
         telemetry: &'static mut Telemetry,
         telemetry_ends: TelemetryEnds<'static>,
         line_out: board::LineOut,
@@ -83,15 +84,24 @@ mod app {
         if let Some(place) = &panic {
             defmt::error!("it had panicked at {=str}:{=u32}", place.file.as_str(), place.line);
         }
-        let mut config = robot::doggy();
-        config.started_by(reset, panic).code_crc(board::code_crc()).stop_test(board::STOP_TEST);
         let (tick_ends, telemetry_ends, commands) = ctx.local.queues.split();
+        let mut store = board.store;
+        let mut config = robot::HARDWARE.start(&mut store, tick_ends.description, robot::doggy);
+        config.started_by(reset, panic).code_crc(board::code_crc()).stop_test(board::STOP_TEST);
+        match (config.descriptions().running, config.descriptions().stored) {
+            (Some(stamp), _) => defmt::info!("runs the stored description {=u32}", stamp.sequence),
+            (None, Some(stamp)) => {
+                defmt::error!("this board cannot run the stored description {=u32}", stamp.sequence)
+            }
+            (None, None) => {}
+        }
         (
             Shared { pins: board.pins, now_us: AtomicU32::new(0), check_ins: CheckIns::new() },
             Local {
                 control: keep(ctx.local.control_room, || ControlLoop::new(&config)),
                 tick_ends,
                 watchdog: board.watchdog,
+                store,
                 telemetry: keep(ctx.local.telemetry_room, || Telemetry::new(&config)),
                 telemetry_ends,
                 line_out: board.line_out,
@@ -121,7 +131,7 @@ mod app {
         binds = TIM5,
         priority = 4,
         shared = [pins, &now_us, &check_ins],
-        local = [control, tick_ends, watchdog, fault: Option<Fault> = None, starving: bool = false],
+        local = [control, tick_ends, watchdog, store, fault: Option<Fault> = None, starving: bool = false],
     )]
     fn tick(ctx: tick::Context) {
         let inputs = ctx.shared.pins.collect();
@@ -151,6 +161,12 @@ mod app {
             defmt::error!("a task does not check in, the watchdog will bite");
         }
         *ctx.local.starving = !all_here;
+        if outputs.store {
+            // The drivers are off, and nothing moves. The core may stand still for most of a second: the next tick comes late,
+            // and feeds the watchdog with its usual time.
+            ctx.local.watchdog.lengthen();
+            ctx.local.control.store(&robot::HARDWARE, ctx.local.store, ctx.local.tick_ends);
+        }
         if let Some(frames) = board::log::take_lost() {
             defmt::warn!("{=u32} frames of the log found no room", frames);
         }

@@ -10,11 +10,13 @@
 //! (samples) or asked for again by the host (answers).
 
 use heapless::spsc::{Consumer, Producer, Queue};
+use protocol::description::Stamp;
 use protocol::motion::Motion;
 use protocol::request::Status;
 use protocol::{Event, Loss, MAX_ENCODERS, Refusal, Sample, ToDevice};
 
 use crate::constants::{COMMAND_QUEUE, REPLY_QUEUE, SAMPLE_QUEUE};
+use crate::store::Bytes;
 
 /// What the tick sends to the host beside samples; telemetry turns it into a `protocol::Report`.
 #[derive(Clone, Debug, PartialEq)]
@@ -23,6 +25,8 @@ pub enum Reply {
     Hello {
         /// Counts of the encoders at zero.
         zero: Option<[i32; MAX_ENCODERS]>,
+        /// Which description is stored.
+        stored: Option<Stamp>,
     },
     /// A request was carried out.
     Accepted {
@@ -51,7 +55,7 @@ pub enum Reply {
     Event(Event),
 }
 
-/// The queues, and the motion that the host has sent: what is too large to pass over a stack, so that a board can have
+/// The queues, and the motion and the description that the host has sent: what is too large to pass over a stack, so that a board can have
 /// it in a static. A queue has one more place than it can hold, as such queues are.
 #[derive(Debug)]
 pub struct Queues {
@@ -59,6 +63,7 @@ pub struct Queues {
     samples: Queue<Sample, { SAMPLE_QUEUE + 1 }>,
     replies: Queue<Reply, { REPLY_QUEUE + 1 }>,
     motion: Motion,
+    description: Bytes,
 }
 
 /// The ends that the tick holds.
@@ -71,6 +76,8 @@ pub struct TickEnds<'a> {
     pub replies: Producer<'a, Reply>,
     /// The motion that was uploaded, or is being; nobody else looks at it.
     pub motion: &'a mut Motion,
+    /// The encoded description that is being uploaded; nobody else looks at it.
+    pub description: &'a mut Bytes,
 }
 
 /// The ends that telemetry holds.
@@ -90,7 +97,13 @@ impl Default for Queues {
 impl Queues {
     /// Empty queues and an empty motion.
     pub const fn new() -> Self {
-        Queues { commands: Queue::new(), samples: Queue::new(), replies: Queue::new(), motion: Motion::EMPTY }
+        Queues {
+            commands: Queue::new(),
+            samples: Queue::new(),
+            replies: Queue::new(),
+            motion: Motion::EMPTY,
+            description: Bytes::new(),
+        }
     }
 
     /// The ends for the tick, for telemetry and for the receiver. A board splits once, at start.
@@ -99,6 +112,7 @@ impl Queues {
         let (samples, samples_out) = self.samples.split();
         let (replies, replies_out) = self.replies.split();
         let telemetry = TelemetryEnds { samples: samples_out, replies: replies_out };
-        (TickEnds { commands, samples, replies, motion: &mut self.motion }, telemetry, command_in)
+        let (motion, description) = (&mut self.motion, &mut self.description);
+        (TickEnds { commands, samples, replies, motion, description }, telemetry, command_in)
     }
 }

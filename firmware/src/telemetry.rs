@@ -82,7 +82,8 @@ impl Telemetry {
 
 fn write_reply(reply: &Reply, hello: &mut Hello, out: &mut [u8]) -> Result<usize, WriteError> {
     let report = match reply {
-        Reply::Hello { zero } => {
+        Reply::Hello { zero, stored } => {
+            hello.description.stored = *stored;
             hello.zero = zero.map(|zero| zero.into_iter().take(hello.layout.encoders()).collect());
             Report::Hello(&*hello)
         }

@@ -222,6 +222,7 @@ mod tests {
             zero: None,
             reset: ResetReason::PowerOn,
             panic: None,
+            description: Default::default(),
             code_crc: None,
         }
     }

@@ -13,7 +13,7 @@ pub const DELIMITER: u8 = 0x00;
 /// Bytes of the checksum at the end of a frame.
 pub const CRC_BYTES: usize = 4;
 /// Longest payload of any message.
-pub const MAX_PAYLOAD: usize = 500;
+pub const MAX_PAYLOAD: usize = 520;
 
 /// 256 entries, 1 KiB: a byte at a time.
 static CRC: Crc<u32, Table<1>> = Crc::<u32, Table<1>>::new(&CRC_32_ISO_HDLC);
@@ -21,6 +21,32 @@ static CRC: Crc<u32, Table<1>> = Crc::<u32, Table<1>>::new(&CRC_32_ISO_HDLC);
 /// The CRC-32 of some bytes.
 pub fn crc32(bytes: &[u8]) -> u32 {
     CRC.checksum(bytes)
+}
+
+/// A CRC-32 over bytes that come in pieces.
+pub struct RunningCrc(Digest<'static, u32, Table<1>>);
+
+impl RunningCrc {
+    /// Of no bytes yet.
+    pub fn new() -> Self {
+        Self(CRC.digest())
+    }
+
+    /// Takes the next bytes.
+    pub fn update(&mut self, bytes: &[u8]) {
+        self.0.update(bytes);
+    }
+
+    /// The CRC-32 of all bytes so far.
+    pub fn finish(self) -> u32 {
+        self.0.finalize()
+    }
+}
+
+impl Default for RunningCrc {
+    fn default() -> Self {
+        Self::new()
+    }
 }
 
 /// The CRC-32 of some bytes and of what a value is encoded as, without a buffer for it.

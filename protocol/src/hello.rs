@@ -14,7 +14,9 @@ use heapless::Vec;
 use postcard_schema::{Schema, key::Key};
 use serde::{Deserialize, Serialize};
 
-use crate::{MAX_ENCODERS, MAX_GYROS, PROTOCOL_VERSION, Report, Sample, ToDevice, sample::Layout, units::Text};
+use crate::{
+    Descriptions, MAX_ENCODERS, MAX_GYROS, PROTOCOL_VERSION, Report, Sample, ToDevice, sample::Layout, units::Text,
+};
 
 /// A hash over the structure of every message.
 #[derive(Clone, Copy, PartialEq, Eq, Serialize, Deserialize, Schema)]
@@ -63,7 +65,7 @@ pub struct Identity {
     pub schema_key: SchemaKey,
     /// Version of the firmware, as in `0.1.0`.
     pub firmware_version: Text<24>,
-    /// Name of the robot that the firmware was built for, as in its description file.
+    /// Name of the robot that the firmware runs, as in its description file.
     pub robot: Text<24>,
 }
 
@@ -173,6 +175,8 @@ pub struct Hello {
     pub reset: ResetReason,
     /// Where it panicked last, if it did and the place survived.
     pub panic: Option<PanicPlace>,
+    /// Which description of a robot it runs, and which one it has stored.
+    pub description: Descriptions,
     /// CRC-32 ([`crate::frame::crc32`]) over the program's code in flash (the section `.text`), by which a host tells
     /// whether a file is the program that runs; none where there is no such program.
     pub code_crc: Option<u32>,

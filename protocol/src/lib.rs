@@ -6,7 +6,7 @@
 //!   ┌────── COBS: no 0x00 inside ───────┐
 //!   │ tag │ body              │ CRC-32  │ 0x00
 //!   └─────┴───────────────────┴─────────┘
-//!   1 byte  ≤ 499 bytes         4 bytes   delimiter
+//!   1 byte  ≤ 519 bytes         4 bytes   delimiter
 //!           ╰── the payload is tag + body; the CRC covers every byte of it, low byte first
 //! ```
 //!
@@ -63,6 +63,7 @@
 
 pub mod budget;
 pub mod clock;
+pub mod description;
 pub mod event;
 pub mod frame;
 pub mod hello;
@@ -72,6 +73,7 @@ pub mod request;
 pub mod sample;
 pub mod units;
 
+pub use description::{Description, DescriptionError, Descriptions};
 pub use event::{Event, EventKind, Fault, Loss, LossCause, MotionEnd};
 pub use hello::{EncoderInfo, GyroInfo, Hello, Identity, ResetReason, Side};
 pub use message::{Report, ToDevice, ToHost};

@@ -13,7 +13,10 @@
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
+use heapless::Vec;
+
 use crate::{
+    description::{DESCRIPTION_PIECE, DescriptionError},
     event::{Fault, MotionEnd},
     motion::{Header, MotionError, Segment},
     units::{Duty, MotionId},
@@ -85,6 +88,26 @@ pub enum Command {
     Stop,
     /// Forget the latched fault. Refused while its cause lasts.
     ClearFault,
+    /// A description of a robot ([`crate::Description`]) follows, in so many pieces. An upload that was under way is forgotten.
+    /// This and the end are refused where the board has no place for it, while a motion or a jog runs, while a fault is
+    /// latched, and until the drivers are off after a motion.
+    DescriptionBegin {
+        /// How many pieces follow.
+        pieces: u8,
+    },
+    /// The next bytes of the encoded description; in order, each may be repeated.
+    DescriptionPiece {
+        /// Its index.
+        index: u8,
+        /// The bytes.
+        bytes: Vec<u8, DESCRIPTION_PIECE>,
+    },
+    /// All pieces were sent: check number, checksum and whether the firmware can run such a robot on this board, store it,
+    /// then answer. The next start runs it. The device may be silent for up to two seconds before the answer.
+    DescriptionEnd {
+        /// CRC-32 over the encoded description.
+        checksum: u32,
+    },
 }
 
 impl Command {
@@ -93,12 +116,19 @@ impl Command {
     /// not taken again.
     pub fn is_idempotent(&self) -> bool {
         match self {
-            Self::Status | Self::Stop | Self::ClearFault | Self::UploadBegin { .. } | Self::UploadSegment { .. } => {
-                true
-            }
-            Self::Stream { .. } | Self::SetZero | Self::UploadEnd { .. } | Self::Start { .. } | Self::Jog { .. } => {
-                false
-            }
+            Self::Status
+            | Self::Stop
+            | Self::ClearFault
+            | Self::UploadBegin { .. }
+            | Self::UploadSegment { .. }
+            | Self::DescriptionBegin { .. }
+            | Self::DescriptionPiece { .. } => true,
+            Self::Stream { .. }
+            | Self::SetZero
+            | Self::UploadEnd { .. }
+            | Self::Start { .. }
+            | Self::Jog { .. }
+            | Self::DescriptionEnd { .. } => false,
         }
     }
 
@@ -136,19 +166,19 @@ pub enum Refusal {
         /// The device's tick.
         now: u32,
     },
-    /// A segment out of order, or a motion ended before its last segment came.
-    #[error("segment {got} where segment {expected} was due: upload the motion again")]
+    /// A segment or a piece out of order, or an upload ended before its last one came.
+    #[error("part {got} where part {expected} was due: upload it again")]
     UploadOrder {
-        /// The segment due.
+        /// The part due.
         expected: u8,
-        /// The segment that came, or the number of segments for an end.
+        /// The part that came, or the number of parts for an end.
         got: u8,
     },
-    /// A segment or an end without a beginning.
+    /// A part or an end without a beginning.
     #[error("no upload has begun")]
     NoUpload,
-    /// The checksum over the motion differs.
-    #[error("the motion arrived with checksum {got:#010x} instead of {expected:#010x}: upload it again")]
+    /// The checksum over the upload differs.
+    #[error("the upload arrived with checksum {got:#010x} instead of {expected:#010x}: upload it again")]
     Checksum {
         /// The host's.
         expected: u32,
@@ -185,6 +215,21 @@ pub enum Refusal {
         /// For how long, ms.
         duration_ms: u8,
     },
+    /// A description for a board that has no place for it.
+    #[error("this board cannot store a description")]
+    NoStore,
+    /// A description while the drivers are enabled, half a second after a motion.
+    #[error("the drivers are still enabled after a motion")]
+    Armed,
+    /// A description in more pieces than it can have, or one that is none of this version.
+    #[error("what was sent is not a description of a robot")]
+    Unreadable,
+    /// A description that the firmware cannot run on this board.
+    #[error("the firmware cannot run this robot: {0}")]
+    Description(DescriptionError),
+    /// The flash did not take the description. What was stored before is there still.
+    #[error("the flash did not take the description; the one before is kept")]
+    StoreFailed,
 }
 
 /// What the device is doing.
@@ -299,7 +344,8 @@ mod tests {
     fn what_may_be_done_twice_is_never_recalled() {
         let header = Header { name: Default::default(), stages: Default::default(), gain: Default::default() };
         let begin = Command::UploadBegin { motion: MotionId(3), header, segments: 1 };
-        for command in [Command::Stop, Command::Status, Command::ClearFault, begin] {
+        let describe = Command::DescriptionBegin { pieces: 3 };
+        for command in [Command::Stop, Command::Status, Command::ClearFault, begin, describe] {
             let mut memory = Memory::new();
             memory.keep(7, &command, Ok(()));
             assert_eq!(memory.recall(7, &command), None, "{command:?}");

@@ -61,7 +61,7 @@ impl TryFrom<LayoutFields> for Layout {
 }
 
 /// A layout that no sample can have.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema, thiserror::Error)]
 #[error(
     "{joints} joints, {encoders} encoders, {gyros} gyros: possible are 1–{MAX_JOINTS} joints, \
      1–{MAX_ENCODERS} encoders, 0–{MAX_GYROS} gyros"

@@ -125,6 +125,7 @@ fn the_pc_computes_the_same(log: &Log) {
     if let Some(crc) = hello.code_crc {
         config.code_crc(crc);
     }
+    config.stores(hello.description.running, hello.description.stored);
     let on_pc = Replay::of(log, &config);
     assert!(on_arm.samples.len() > 60_000);
     // What the last ticks have to say is still in the device.

@@ -5,6 +5,8 @@ use std::io::Write;
 use std::time::Duration;
 
 use host::link::{self, Device, LinkError};
+use host::robot::Robot;
+use host::simulate::{Fault, description};
 use protocol::motion::{MAX_MOTION_MS, MAX_SEGMENT_MS};
 use protocol::{Action, Duty, Motion, MotionError, MotionId, Refusal};
 use rand::{RngExt, SeedableRng};
@@ -96,4 +98,41 @@ fn motions_and_jogs_that_break_a_rule_are_refused_and_nothing_moves() {
     let at_rest = machine.so_far(|log| log.periods.iter().all(|period| period.duty.iter().all(|duty| duty.0 == 0)));
     assert!(at_rest, "nothing moved");
     works(&machine);
+}
+
+/// A description is stored while the robot rests, and what runs after the watchdog's reset in the next motion is that one.
+#[test]
+fn a_description_is_stored_and_runs_after_a_reset() {
+    let faults = vec![Fault::Reset { at_s: 0.4 }];
+    let machine = Emulated::start(&Options { seed: 3, faults, ..Options::default() });
+    let port = machine.port().display().to_string();
+    let mut wanted = description(&Robot::builtin("doggy").unwrap()).unwrap();
+    wanted.robot = protocol::units::text("neighbour");
+    wanted.joints[1].max_duty = Duty(5000);
+    {
+        let mut device = Device::open(&port, &link::Options::default()).unwrap();
+        device.settle().unwrap();
+        device.push(&wanted).unwrap();
+        let hello = device.hello();
+        assert_eq!(hello.description.stored.map(|stamp| stamp.crc()), Some(wanted.crc()));
+        assert_eq!((hello.identity.robot.as_str(), hello.description.running), ("doggy", None), "until it starts anew");
+
+        wanted.joints[1].limits.max = -1.0;
+        match device.push(&wanted) {
+            Err(LinkError::Refused { refusal, .. }) => {
+                assert_eq!(*refusal, Refusal::Description(protocol::DescriptionError::Limits { joint: 1 }));
+            }
+            other => panic!("not refused: {other:?}"),
+        }
+    }
+    let Recorded { code, said, .. } = machine.record(&["--motion", SWING]);
+    assert_eq!(code, Some(3), "{said}");
+    let hello = link::probe(&port, &link::Options::default()).unwrap();
+    assert_eq!(hello.identity.robot, "neighbour");
+    assert!(hello.description.running.is_some() && hello.description.running == hello.description.stored);
+    let (log, _) = machine.finish();
+    assert_eq!(log.starts.len(), 2, "one reset");
+    let deepest = log.periods.iter().map(|period| period.stack_bytes).max().unwrap();
+    eprintln!("the stack was {deepest} bytes deep");
+    assert!(deepest < 9216 - 512, "{deepest}");
 }

@@ -32,6 +32,8 @@ pub struct Board {
     pub watchdog: Watchdog,
     /// What `idle` does with gyros that are missing.
     pub search: gyro::Search<Bus>,
+    /// Where a description of a robot is kept.
+    pub store: Store,
     /// Why the processor started, and where the firmware panicked before.
     pub started: (ResetReason, Option<PanicPlace>),
 }

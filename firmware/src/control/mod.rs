@@ -1,5 +1,6 @@
 //! The control loop: one tick a millisecond, from sensor readings to duties.
 
+mod description;
 mod request;
 mod sensors;
 mod stream;
@@ -7,8 +8,8 @@ mod stream;
 use protocol::request::{HEARTBEAT_TIMEOUT_US, Memory, State};
 use protocol::sample::{Flags, NO_PHASE};
 use protocol::{
-    Duty, Event, EventKind, Fault, GyroAge, MAX_ENCODERS, MAX_GYROS, MAX_JOINTS, MotionEnd, MotionId, ResetReason,
-    Sample, ToDevice,
+    Descriptions, Duty, Event, EventKind, Fault, GyroAge, MAX_ENCODERS, MAX_GYROS, MAX_JOINTS, MotionEnd, MotionId,
+    ResetReason, Sample, ToDevice,
 };
 
 use crate::config::{Config, Joint};
@@ -16,6 +17,7 @@ use crate::constants::{ARMED_TICKS, TICK_US};
 use crate::motion::{Player, Step};
 use crate::queues::{Reply, TickEnds};
 use crate::safety::{Deadline, GyroInput, Heartbeat, OnTime};
+use description::Storing;
 use request::Upload;
 pub use sensors::Nearness;
 use sensors::Sensors;
@@ -51,6 +53,8 @@ pub struct Outputs {
     pub stop: bool,
     /// The drivers are to be enabled: from the start of a motion until the robot has come to rest after it.
     pub armed: bool,
+    /// A description is to be stored: the caller calls [`ControlLoop::store`] before the next tick. The drivers are off.
+    pub store: bool,
 }
 
 /// What the loop is doing.
@@ -93,6 +97,9 @@ pub struct ControlLoop {
     armed_ticks: u16,
     /// The emergency stop was seen pressed, or need not be.
     stop_tested: bool,
+    descriptions: Descriptions,
+    /// A description is uploaded and is to be stored.
+    storing: Option<Storing>,
 }
 
 /// Time and number of the present tick, for what is reported from it.
@@ -122,6 +129,8 @@ impl ControlLoop {
             preloaded: [Duty::ZERO; MAX_JOINTS],
             armed_ticks: 0,
             stop_tested: !config.stop_test,
+            descriptions: config.hello.description,
+            storing: None,
         }
     }
 
@@ -197,7 +206,12 @@ impl ControlLoop {
         };
         self.stream.offer(sample, ends);
         self.armed_ticks = if self.busy() { ARMED_TICKS } else { self.armed_ticks.saturating_sub(1) };
-        Outputs { duty, stop: stopped || self.fault.is_some(), armed: self.armed_ticks > 0 }
+        Outputs {
+            duty,
+            stop: stopped || self.fault.is_some(),
+            armed: self.armed_ticks > 0,
+            store: self.storing.is_some(),
+        }
     }
 
     /// What the loop is doing.
@@ -233,7 +247,7 @@ impl ControlLoop {
             None => {}
             Some(ToDevice::Hello(_)) => {
                 self.memory.forget();
-                reply(Reply::Hello { zero: self.sensors.zero }, ends);
+                reply(Reply::Hello { zero: self.sensors.zero, stored: self.descriptions.stored }, ends);
             }
             Some(ToDevice::Heartbeat(heartbeat)) => {
                 self.heartbeat.heard(now.t_us);

@@ -13,11 +13,12 @@ use protocol::motion::{Header, Limits, Motion, Segment};
 use protocol::request::{Command, MAX_JOG_DUTY, MAX_JOG_MS, Status};
 use protocol::{Duty, EventKind, Fault, MAX_JOINTS, MotionEnd, MotionError, MotionId, Refusal};
 
+use super::description::Storing;
 use super::{Activity, ControlLoop, Inputs, Jog, Now, reply};
 use crate::constants::TICK_US;
 use crate::queues::{Reply, TickEnds};
 
-/// A motion on its way here. Every part is checked as it comes, so the end has little to do.
+/// A motion or a description on its way here. Every part is checked as it comes, so the end has little to do.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum Upload {
     #[default]
@@ -27,6 +28,20 @@ pub(super) enum Upload {
         segments: u8,
         checksum: u32,
     },
+    /// A description, of which so many pieces are there.
+    Description {
+        pieces: u8,
+        taken: u8,
+    },
+}
+
+/// Answers a request.
+pub(super) fn acknowledge(id: u8, answer: Result<(), Refusal>, ends: &mut TickEnds<'_>) {
+    let answer = match answer {
+        Ok(()) => Reply::Accepted { id },
+        Err(refusal) => Reply::Refused { id, refusal },
+    };
+    reply(answer, ends);
 }
 
 impl ControlLoop {
@@ -39,17 +54,16 @@ impl ControlLoop {
             Some(answer) => answer,
             None => {
                 let answer = self.act(now, command, inputs, ends);
+                if let (Ok(()), Command::DescriptionEnd { checksum }) = (answer, command) {
+                    // Answered once it is stored.
+                    self.storing = Some(Storing { id, checksum: *checksum });
+                    return;
+                }
                 self.memory.keep(id, command, answer);
                 answer
             }
         };
-        reply(
-            match answer {
-                Ok(()) => Reply::Accepted { id },
-                Err(refusal) => Reply::Refused { id, refusal },
-            },
-            ends,
-        );
+        acknowledge(id, answer, ends);
     }
 
     fn act(&mut self, now: Now, command: &Command, inputs: &Inputs, ends: &mut TickEnds<'_>) -> Result<(), Refusal> {
@@ -72,6 +86,9 @@ impl ControlLoop {
                 Ok(())
             }
             Command::ClearFault => self.clear_fault(now, inputs, ends),
+            Command::DescriptionBegin { pieces } => self.begin_description(pieces, inputs, ends.description),
+            Command::DescriptionPiece { index, ref bytes } => self.take_piece(index, bytes, ends.description),
+            Command::DescriptionEnd { .. } => self.end_description(inputs),
         }
     }
 
@@ -216,7 +233,7 @@ impl ControlLoop {
         self.standing_fault(inputs).or(self.sensors.fault()).or_else(|| self.limit_fault()).or(silent)
     }
 
-    fn not_busy(&self) -> Result<(), Refusal> {
+    pub(super) fn not_busy(&self) -> Result<(), Refusal> {
         if self.busy() { Err(Refusal::Running) } else { Ok(()) }
     }
 

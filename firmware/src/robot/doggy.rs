@@ -2,11 +2,13 @@
 //!
 //! The same figures as in the host's description of the robot; a test across both crates holds them together.
 
+use protocol::description::GyroPart;
 use protocol::motion::Limits;
 use protocol::{EncoderInfo, GyroInfo, Side};
 
 use crate::config::{Config, GyroSetup, JointSetup};
 use crate::constants::GYRO_SATURATED_AT;
+use crate::description::{EncoderPlace, GyroPlace, Hardware};
 use crate::driver::{BMI323_RATE_HZ, FILTER_DELAY_US, GyroRange, ICM42688P_RATE_HZ};
 use crate::safety::Axis;
 
@@ -17,6 +19,29 @@ pub const GYRO_RANGE: GyroRange = GyroRange::Dps1000;
 pub const JOINTS: usize = 3;
 /// Gyros.
 pub const GYROS: usize = 2;
+
+/// What the boards drive and read: three motors with an encoder each, and two gyros.
+pub const HARDWARE: Hardware<'static> = Hardware { motors: JOINTS, encoders: &ENCODERS, gyros: &GYRO_PLACES };
+
+const ENCODERS: [EncoderPlace; JOINTS] = [encoder(0), encoder(1), encoder(2)];
+const GYRO_PLACES: [GyroPlace; GYROS] =
+    [gyro(GyroPart::Icm42688p, ICM42688P_RATE_HZ), gyro(GyroPart::Bmi323, BMI323_RATE_HZ)];
+
+const fn encoder(joint: u8) -> EncoderPlace {
+    EncoderPlace { joint, side: Side::Motor, offset_us: 0 }
+}
+
+const fn gyro(part: GyroPart, output_rate_hz: u32) -> GyroPlace {
+    let info = GyroInfo {
+        body: 0,
+        rad_s_per_lsb: GYRO_RANGE.lsb_rad_s(),
+        saturated_at: GYRO_SATURATED_AT,
+        offset_us: 0,
+        filter_delay_us: Some(FILTER_DELAY_US),
+        output_rate_hz: Some(output_rate_hz as u16),
+    };
+    GyroPlace { part, range_dps: GYRO_RANGE.full_scale_dps(), info }
+}
 
 /// By joint, then link: torque that an acceleration of the link puts on the joint, over the joint's 150 N m, s².
 const CARRIED_S2: [[f32; JOINTS]; JOINTS] = [
@@ -41,27 +66,20 @@ pub fn doggy() -> Config {
         joint(1, [0.0, 1.0, 0.0], 0.6, 0.094_860_73, 0.026_095_929),
         joint(2, [-1.0, 0.0, 0.0], 0.6, 0.093_916_79, 0.034_540_802),
     ];
-    let encoders = [0, 1, 2].map(|joint| EncoderInfo {
+    let encoders = ENCODERS.map(|EncoderPlace { joint, side, offset_us }| EncoderInfo {
         joint,
-        side: Side::Motor,
+        side,
         counts_per_turn: 1024,
         gear: 42.092,
-        offset_us: 0,
+        offset_us,
     });
-    let gyro = |body, output_rate_hz, mount, give_rad| {
-        let info = GyroInfo {
-            body,
-            rad_s_per_lsb: GYRO_RANGE.lsb_rad_s(),
-            saturated_at: GYRO_SATURATED_AT,
-            offset_us: 0,
-            filter_delay_us: Some(FILTER_DELAY_US),
-            output_rate_hz: Some(output_rate_hz),
-        };
+    let gyro = |place: GyroPlace, body, mount, give_rad| {
+        let info = GyroInfo { body, ..place.info };
         GyroSetup { info, mount, give_rad, sag_rad: 0.0 }
     };
     let gyros: [_; GYROS] = [
-        gyro(0, ICM42688P_RATE_HZ as u16, [[-1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, -1.0, 0.0]], 0.184_447_12),
-        gyro(2, BMI323_RATE_HZ as u16, [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], 0.256_533_86),
+        gyro(GYRO_PLACES[0], 0, [[-1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, -1.0, 0.0]], 0.184_447_12),
+        gyro(GYRO_PLACES[1], 2, [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], 0.256_533_86),
     ];
     match Config::new("doggy", &joints, &encoders, &gyros) {
         Ok(config) => config,

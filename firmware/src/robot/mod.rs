@@ -2,4 +2,4 @@
 
 mod doggy;
 
-pub use doggy::{GYRO_RANGE, GYROS, JOINTS, doggy};
+pub use doggy::{GYRO_RANGE, GYROS, HARDWARE, JOINTS, doggy};

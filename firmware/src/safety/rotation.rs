@@ -18,6 +18,7 @@
 //! The ticks only add words and steps up; one gyro is judged a tick, in turn. Angles of a judgement are in 2⁻³² turns,
 //! directions and sines in 2⁻³⁰.
 
+pub use protocol::description::Axis;
 use protocol::{Duty, MAX_JOINTS};
 
 use crate::config::GyroSetup;
@@ -52,15 +53,6 @@ const OF_WAY_PER_STEP_Q32: u32 = {
     let full = Duty::FULL.unsigned_abs() as u64;
     (((constants::ROTATION_DIFFERS_AT_FULL_DUTY as u64) << 32) / (full * full)) as u32
 };
-
-/// How a joint moves the bodies that it carries.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Axis {
-    /// It turns them about this unit vector, in axes of the base, with all joints at zero; positive by the right hand.
-    Turns([f32; 3]),
-    /// It slides them, which no gyro sees.
-    Slides,
-}
 
 /// Largest step of a joint between two judgements that is reckoned with, 0.2 rad: three times the highest believable
 /// speed over two ticks, and small enough that the steps of all joints add up to less than 2³⁰.

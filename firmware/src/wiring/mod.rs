@@ -67,4 +67,8 @@ pub trait LineIn {
 pub trait Watchdog {
     /// Once a tick, while every task that must live does.
     fn feed(&mut self);
+
+    /// The flash is about to be erased, which may hold the core up: the next [`feed`](Self::feed) is due only after a second
+    /// or more, and with it the time of a tick is in force again. Only while the drivers are off.
+    fn lengthen(&mut self);
 }

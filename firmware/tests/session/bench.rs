@@ -1,15 +1,18 @@
 //! Robot, core and a small host on one bench, joined by bytes.
 
+use firmware::robot::HARDWARE;
 use firmware::safety::Axis;
+use firmware::store::RamFlash;
 use firmware::{Config, ControlCore, GyroInput, GyroSetup, Inputs, JointSetup, Outputs};
 use protocol::frame::{CRC_BYTES, Decoder, MAX_PAYLOAD};
+use protocol::hello::Greeting;
 use protocol::message::{self, MAX_TO_DEVICE_FRAME, MAX_TO_HOST_FRAME};
 use protocol::motion::Limits;
 use protocol::request::Heartbeat;
 use protocol::sample::Layout;
 use protocol::{
-    Command, Duty, EncoderInfo, Event, EventKind, GyroInfo, MAX_JOINTS, Motion, MotionId, Refusal, Report, Sample,
-    Side, State, Status, ToDevice, ToHost,
+    Command, Duty, EncoderInfo, Event, EventKind, GyroInfo, Hello, MAX_JOINTS, Motion, MotionId, Refusal, Report,
+    Sample, Side, State, Status, ToDevice, ToHost,
 };
 
 use crate::plant::{ALONG, AXES, Plant, RAD_S_PER_LSB};
@@ -54,6 +57,8 @@ pub struct Bench {
     pub in_force: [Duty; MAX_JOINTS],
     pub now_us: u32,
     pub ticks: u32,
+    /// Where descriptions are stored, if the board has a place for them.
+    pub flash: Option<RamFlash<Vec<u8>>>,
     layout: Layout,
     decoder: Decoder<{ MAX_PAYLOAD + CRC_BYTES }>,
     id: u8,
@@ -112,9 +117,34 @@ impl Bench {
             in_force: Default::default(),
             now_us: u32::MAX - 5_000_000, // the clock wraps after five seconds
             ticks: 0,
+            flash: None,
             decoder: Decoder::new(),
             id: 0,
         }
+    }
+
+    /// Doggy on a board that has stored this, and starts.
+    pub fn storing(flash: RamFlash<Vec<u8>>) -> Self {
+        let mut bench = Bench::new(Plant::doggy(3, 1));
+        bench.restart(flash);
+        bench
+    }
+
+    /// The board starts anew, with this in its flash.
+    pub fn restart(&mut self, mut flash: RamFlash<Vec<u8>>) {
+        let config = HARDWARE.start(&mut flash, &mut Default::default(), firmware::robot::doggy);
+        self.layout = config.layout();
+        self.core = ControlCore::new(&config);
+        self.flash = Some(flash);
+        self.reports.clear();
+    }
+
+    /// The device's answer to a greeting.
+    pub fn hello(&mut self) -> Hello {
+        self.send(&ToDevice::Hello(Greeting::OURS));
+        self.run(3);
+        let hello = |report: &Report| if let Report::Hello(hello) = report { Some(hello.clone()) } else { None };
+        self.reports.iter().rev().find_map(hello).unwrap()
     }
 
     /// Doggy, streaming, zeroed, with the motion uploaded.
@@ -149,6 +179,11 @@ impl Bench {
         }
         self.now_us = self.now_us.wrapping_add(1000).wrapping_add(std::mem::take(&mut self.disturb.clock_us));
         self.outputs = self.core.tick(self.now_us, &inputs);
+        if self.outputs.store {
+            assert!(!self.outputs.armed, "nothing is stored while the drivers are enabled");
+            let flash = self.flash.as_mut().expect("asked only where there is a place");
+            self.core.store(&HARDWARE, flash);
+        }
         if self.outputs.stop {
             self.in_force = [Duty::ZERO; MAX_JOINTS];
         }

@@ -1,6 +1,7 @@
 //! The core as a user meets it: a host at the other end of the line, a robot at its pins.
 
 mod bench;
+mod descriptions;
 mod faults;
 mod jogs;
 mod motions;

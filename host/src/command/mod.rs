@@ -23,6 +23,7 @@ mod import;
 mod observe;
 mod plan;
 mod ports;
+mod push;
 mod record;
 mod repair;
 mod robot;

@@ -86,6 +86,9 @@ pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
         link::printable(&identity.firmware_version)
     ));
     say_restart(ui, device.hello());
+    if let Some(other) = link::runs(device.hello()).other {
+        ui.warn(other, "switch the device off and on; if it still does not run, this firmware cannot run it: `host robot push` tells why");
+    }
     let dictionary = dictionary.filter(|dictionary| match dictionary.fits(device.hello()) {
         Ok(()) => true,
         Err(error) => {

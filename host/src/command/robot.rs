@@ -1,11 +1,11 @@
-//! `host robot`: the built-in descriptions, and a start for an own one.
+//! `host robot`: the built-in descriptions, a start for an own one, and one stored on a device.
 
 use std::path::PathBuf;
 
-use super::{Exit, Failure, NewFile, Ui, robot_failure};
+use super::{Exit, Failure, NewFile, Ui, push, robot_failure};
 use crate::robot::Robot;
 
-/// List, show or begin robot descriptions
+/// List, show or begin robot descriptions, or store one on a device
 #[derive(Debug, clap::Args)]
 pub struct Args {
     #[command(subcommand)]
@@ -34,6 +34,7 @@ enum What {
         #[arg(long)]
         force: bool,
     },
+    Push(push::Args),
 }
 
 /// Prints to stdout, or writes the file.
@@ -56,6 +57,7 @@ pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
             NewFile::claim(&path, force)?.finish_with(text.as_bytes())?;
             ui.say(format_args!("{}: fill it in; `host robot show {0}` checks it", path.display()));
         }
+        What::Push(args) => return push::run(args, ui),
     }
     Ok(Exit::Ok)
 }

@@ -53,7 +53,10 @@ pub struct Args {
     /// Write the true parameters, the effects and the faults injected to this file at the end
     #[arg(long, value_name = "FILE.json")]
     truth: Option<PathBuf>,
-    /// Replace the file if it exists
+    /// Keep the flash of the simulated board in this file, and with it what `host robot push` stored [default: none; gone with the simulation]
+    #[arg(long, value_name = "FILE")]
+    flash: Option<PathBuf>,
+    /// Replace the file of --truth if it exists
     #[arg(long)]
     force: bool,
 }
@@ -77,6 +80,7 @@ pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
         mistakes: args.mistakes,
         link: args.link,
         truth: args.truth,
+        flash: args.flash,
     };
     let over = Arc::new(AtomicBool::new(false));
     let heard = Arc::clone(&over);

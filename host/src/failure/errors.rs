@@ -125,6 +125,9 @@ pub fn simulate_failure(error: SimulateError) -> Failure {
             Failure::data(error).advice("change the description, or simulate another robot")
         }
         SimulateError::Motion { .. } => Failure::data(error).advice("correct the motion file"),
+        SimulateError::Flash(_) => {
+            Failure::device(error).advice("give another file, or move this one away: a new one is made")
+        }
         SimulateError::Port(_) => Failure::device(error).advice("a file in the way of --link must be moved first"),
         SimulateError::Gyro { .. } | SimulateError::Machine { .. } | SimulateError::Died => Failure::fault(error),
     }

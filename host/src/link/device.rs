@@ -183,6 +183,14 @@ impl Device {
     /// [`LinkError::Refused`] if the robot moves.
     pub fn set_zero(&mut self) -> Result<(), LinkError> {
         self.ask("set zero", Command::SetZero)?;
+        self.greet()
+    }
+
+    /// Reads the handshake anew.
+    ///
+    /// # Errors
+    /// [`LinkError`] if none comes, or one that contradicts itself.
+    pub(super) fn greet(&mut self) -> Result<(), LinkError> {
         self.hello = shake_hands(&self.shared, &self.outgoing, &self.answers, ATTEMPTS)?;
         self.hello.validate()?;
         Ok(())
@@ -350,7 +358,7 @@ impl Device {
     }
 
     /// Asks until it is answered.
-    fn ask(&mut self, what: &'static str, command: Command) -> Result<(), LinkError> {
+    pub(super) fn ask(&mut self, what: &'static str, command: Command) -> Result<(), LinkError> {
         let id = self.outgoing.fresh_id();
         let request = ToDevice::Request { id, command };
         for _ in 0..ATTEMPTS {

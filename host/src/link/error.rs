@@ -147,6 +147,11 @@ impl LinkError {
                 Refusal::StopNotTested | Refusal::Fault(Fault::EmergencyStop) => CLEAR_STOP,
                 Refusal::Fault(_) => "remove the cause; the next `host record` clears the fault",
                 Refusal::Motion(_) => "change the motion file",
+                Refusal::NoStore => {
+                    "build the firmware for this robot: firmware/PORTING.md tells how; this one runs what is built in"
+                }
+                Refusal::Description(_) => "change the robot's file, or use a board that has what the robot needs",
+                Refusal::StoreFailed => "try again; if it fails again, the flash of the device is worn out",
                 Refusal::Late { .. } => {
                     "give a later --start-tick; the device counts from 0 when it starts, so a reset brings early ticks back"
                 }

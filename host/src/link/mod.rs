@@ -11,6 +11,7 @@
 //! nothing, since adapters hold bytes for milliseconds.
 
 mod capture;
+mod description;
 mod device;
 mod error;
 mod exchange;
@@ -29,6 +30,7 @@ mod tests;
 mod words;
 
 pub use capture::{CaptureError, Captured, News, Progress, Ready, Zero, joint_limits, preset_motion};
+pub use description::{Runs, fits, runs};
 pub use device::{Device, Options, Stopper, probe};
 pub use error::{LinkError, reset_name};
 pub use inbox::Arrival;

@@ -60,7 +60,7 @@ impl ScaleError {
                 "name the description of the robot that is connected with --robot"
             }
             Self::Differs { .. } => {
-                "correct the description (--robot) or the firmware's board: both must tell the truth"
+                "correct the description (--robot), or store it on the device (`host robot push`): both must tell the truth"
             }
         }
     }

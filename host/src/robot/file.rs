@@ -144,7 +144,16 @@ pub(super) struct SensorTable {
     pub rotation: Option<StartOrFixed<[[f64; 3]; 3]>>,
     pub bias_rad_s: Option<StartOrFixed<[f64; 3]>>,
     pub range_rad_s: Option<f64>,
+    pub part: Option<PartName>,
     pub lag_s: Option<StartOrFixed<f64>>,
+}
+
+/// A gyro that the firmware has a driver for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(super) enum PartName {
+    Icm42688p,
+    Bmi323,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]

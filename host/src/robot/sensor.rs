@@ -1,5 +1,7 @@
 //! The sensors a robot can carry.
 
+use protocol::description::GyroPart;
+
 use super::{Matrix3, Parameter, Side, Vector3};
 
 /// A sensor. `offset_s` is when it is read after the start of the tick.
@@ -64,6 +66,8 @@ pub struct Gyro {
     pub sigma_rad_s: f64,
     /// Full scale, if known, rad/s.
     pub range_rad_s: Option<f64>,
+    /// The part that the firmware reads, if the file names it.
+    pub part: Option<GyroPart>,
     /// How much later it reads than `offset_s`, its stamps and its known delay say, s, if that is not nothing.
     pub lag_s: Option<Parameter>,
     /// When it is read after the start of the tick, s.

@@ -7,19 +7,22 @@
 //!                                                     bytes out ▼ │ bytes in
 //! ```
 
-use firmware::driver::{Bmi323, Gyro, GyroRange, Icm42688p, QuadratureCounter};
-use firmware::safety::Axis;
-use firmware::wiring::data_ready::DataReady;
-use firmware::{Config, ControlCore, ControlLoop, GyroInput, GyroSetup, Inputs, JointSetup};
-use protocol::motion::Limits;
-use protocol::{Duty, MAX_JOINTS, ResetReason, State};
+use std::path::Path;
 
+use firmware::description::{EncoderPlace, GyroPlace, Hardware};
+use firmware::driver::{Bmi323, Gyro, GyroRange, Icm42688p, QuadratureCounter};
+use firmware::store::Bytes;
+use firmware::wiring::data_ready::DataReady;
+use firmware::{Config, ControlCore, ControlLoop, GyroInput, Inputs};
+use protocol::{Duty, EncoderInfo, GyroInfo, MAX_JOINTS, ResetReason, State};
+
+use super::SimulateError;
 use super::chip::{Bmi323Chip, BoardClock, Icm42688pChip, Shared};
-use super::loads::Loads;
+use super::describe::description;
+use super::flash::Flash;
 use super::microcontroller::Microcontroller;
 use super::world::{GyroChip, World};
-use super::{SimulateError, Truth};
-use crate::robot::{Joint, JointKind, Robot, Symbol};
+use crate::robot::Robot;
 
 /// How long the simulated processor needs for a tick, µs. It reports this and has no other influence.
 const EXECUTION_US: u32 = 20;
@@ -27,7 +30,11 @@ const EXECUTION_US: u32 = 20;
 /// Robot and microcontroller.
 pub struct Board {
     world: World,
-    config: Config,
+    /// What the firmware runs since its start.
+    running: Config,
+    built_in: Config,
+    places: Places,
+    flash: Flash,
     core: ControlCore,
     /// What extends each hardware counter.
     counters: Vec<QuadratureCounter>,
@@ -43,6 +50,30 @@ pub struct Board {
     farthest: Vec<f64>,
 }
 
+/// What the board reads.
+struct Places {
+    motors: usize,
+    encoders: Vec<EncoderPlace>,
+    gyros: Vec<GyroPlace>,
+}
+
+impl Places {
+    fn of(world: &World) -> Self {
+        let encoder = |EncoderInfo { joint, side, offset_us, .. }: EncoderInfo| EncoderPlace { joint, side, offset_us };
+        let range_dps = world.range().full_scale_dps();
+        let gyro = |(chip, info): (&GyroChip, &GyroInfo)| GyroPlace { part: chip.part(), range_dps, info: *info };
+        Self {
+            motors: world.joints(),
+            encoders: world.encoder_infos().into_iter().map(encoder).collect(),
+            gyros: world.gyros().iter().zip(world.gyro_infos()).map(gyro).collect(),
+        }
+    }
+
+    fn hardware(&self) -> Hardware<'_> {
+        Hardware { motors: self.motors, encoders: &self.encoders, gyros: &self.gyros }
+    }
+}
+
 /// The firmware's driver of a gyro chip.
 enum GyroDriver {
     Spi(Icm42688p<Shared<Icm42688pChip>>),
@@ -55,10 +86,17 @@ impl Board {
     /// # Errors
     /// [`SimulateError`] if the firmware cannot run such a robot.
     pub fn new(robot: &Robot, world: World) -> Result<Self, SimulateError> {
-        let config = config(robot, &world)?;
+        let places = Places::of(&world);
+        let built_in = places
+            .hardware()
+            .config(&description(robot)?)
+            .map_err(|error| SimulateError::Unsuited { reason: format!("the firmware cannot run it: {error}") })?;
         let mut board = Self {
-            core: ControlCore::new(config.clone().started_by(ResetReason::PowerOn, None)),
-            config,
+            core: ControlCore::new(&built_in),
+            running: built_in.clone(),
+            built_in,
+            places,
+            flash: Flash::erased(),
             counters: Vec::new(),
             gyros: Vec::new(),
             data_ready: Vec::new(),
@@ -69,12 +107,31 @@ impl Board {
             world,
         };
         board.set_up()?;
+        board.start_core(ResetReason::PowerOn);
         Ok(board)
+    }
+
+    /// The same board with a flash in this file: what was stored there runs, if it can.
+    ///
+    /// # Errors
+    /// [`SimulateError::Flash`] if the file cannot be read or is no such flash.
+    pub fn with_flash(mut self, path: &Path) -> Result<Self, SimulateError> {
+        self.flash = Flash::open(path).map_err(SimulateError::Flash)?;
+        self.start_core(ResetReason::PowerOn);
+        Ok(self)
     }
 
     /// What its firmware was built with.
     pub fn config(&self) -> &Config {
-        &self.config
+        &self.built_in
+    }
+
+    /// The firmware starts: with the description that is stored, or with the one that is built in.
+    fn start_core(&mut self, reset: ResetReason) {
+        let hardware = self.places.hardware();
+        let mut config = hardware.start(&mut self.flash.memory, &mut Bytes::new(), || self.built_in.clone());
+        self.core = ControlCore::new(config.started_by(reset, None));
+        self.running = config;
     }
 
     /// The firmware's control loop, to look at.
@@ -152,6 +209,10 @@ impl Microcontroller for Board {
         let inputs = self.read_sensors();
         // The device's clock wraps, as its 32 bits do.
         let outputs = self.core.tick(now_us as u32, &inputs);
+        if outputs.store {
+            self.core.store(&self.places.hardware(), &mut self.flash.memory);
+            self.flash.keep().map_err(SimulateError::Flash)?;
+        }
 
         if !was_jogging && matches!(self.core.control().state(), State::Jogging { .. }) {
             self.world.begin_motion();
@@ -177,7 +238,7 @@ impl Microcontroller for Board {
         let start_up_s = (self.world.clock().now_ns() - before) as f64 * 1e-9;
         self.preloaded = [0.0; MAX_JOINTS];
         self.world.restart(start_up_s.max(1e-3));
-        self.core = ControlCore::new(self.config.clone().started_by(ResetReason::Watchdog, None));
+        self.start_core(ResetReason::Watchdog);
         Ok(())
     }
 
@@ -194,7 +255,7 @@ impl Microcontroller for Board {
     }
 
     fn layout(&self) -> protocol::Layout {
-        self.config.layout()
+        self.running.layout()
     }
 
     fn time_s(&self) -> f64 {
@@ -229,60 +290,4 @@ impl GyroDriver {
 
 fn away(error: impl std::fmt::Debug) -> SimulateError {
     SimulateError::Gyro { said: format!("{error:?}") }
-}
-
-/// What the firmware is built with for this robot.
-fn config(robot: &Robot, world: &World) -> Result<Config, SimulateError> {
-    let nominal = Truth::nominal(robot);
-    let n = robot.joints.len();
-    let mut mass = vec![0.0; n * n];
-    robot.chain().mass_matrix(&vec![0.0; n], &mut mass);
-    let loads = Loads::of(robot, &nominal);
-    let joints: Vec<JointSetup> = robot
-        .joints
-        .iter()
-        .enumerate()
-        .map(|(j, joint)| {
-            let value = |symbol| nominal.get(robot, symbol, j).unwrap_or(0.0);
-            let limits = Limits { min: joint.limits[0] as f32, max: joint.limits[1] as f32 };
-            let axis = match joint.kind {
-                JointKind::Revolute => Axis::Turns(in_base(robot, j, joint.axis)),
-                JointKind::Prismatic => Axis::Slides,
-            };
-            // (motor + link inertia) / back-EMF
-            let coast_s = (value(Symbol::B) + mass[j * n + j]) / value(Symbol::KMi);
-            // What no motor can hold stands at no duty.
-            let standing = (loads.standing[j] * f64::from(Duty::FULL)).min(f64::from(Duty::FULL)) as i16;
-            let mut carried_s2 = [0.0; MAX_JOINTS];
-            for (carried, s2) in carried_s2.iter_mut().zip(&loads.carried_s2[j]) {
-                *carried = *s2 as f32;
-            }
-            let usual = JointSetup::new(limits, axis);
-            let standing_duty = usual.standing_duty.max(Duty(standing));
-            JointSetup { coast_s: coast_s as f32, standing_duty, held_s: loads.held_s[j] as f32, carried_s2, ..usual }
-        })
-        .collect();
-    let gyros: Vec<GyroSetup> = robot
-        .gyros()
-        .zip(world.gyro_infos())
-        .enumerate()
-        .map(|(index, (gyro, info))| GyroSetup {
-            info: *info,
-            mount: gyro.rotation.map(|row| in_base(robot, gyro.body, row)),
-            give_rad: loads.give_rad[index] as f32,
-            sag_rad: loads.sag_rad[index] as f32,
-        })
-        .collect();
-    Config::new(&robot.name, &joints, &world.encoder_infos(), &gyros)
-        .map_err(|error| SimulateError::Unsuited { reason: format!("the firmware cannot run this robot: {error:?}") })
-}
-
-/// A vector in axes of a joint, in axes of the base, all joints at zero.
-fn in_base(robot: &Robot, joint: usize, vector: [f64; 3]) -> [f32; 3] {
-    let carriers = robot.joints[..=joint].iter().rev();
-    // Each rotation takes vectors from the body before to the joint: backwards by its transpose.
-    let back = |vector: [f64; 3], carrier: &Joint| -> [f64; 3] {
-        std::array::from_fn(|i| (0..3).map(|k| carrier.rotation[k][i] * vector[k]).sum())
-    };
-    carriers.fold(vector, back).map(|part| part as f32)
 }

@@ -14,7 +14,7 @@ pub enum SimulateError {
     Effect(#[from] EffectError),
     /// An option that does not exist.
     #[error(
-        "a simulated port has no option `{key}`; there are robot, seed, effect, hide, process_noise, pace, fault, truth"
+        "a simulated port has no option `{key}`; there are robot, seed, effect, hide, process_noise, pace, fault, mistake, gyros, truth, flash"
     )]
     UnknownOption {
         /// What was given.
@@ -54,6 +54,9 @@ pub enum SimulateError {
         /// What is known of it.
         said: String,
     },
+    /// The file of the board's flash.
+    #[error("the file of the simulated flash: {0}")]
+    Flash(std::io::Error),
     /// The pseudo-terminal.
     #[error("the simulated serial port: {0}")]
     Port(#[from] std::io::Error),

@@ -12,9 +12,11 @@
 
 mod board;
 mod chip;
+mod describe;
 mod direct;
 mod encoder;
 mod error;
+mod flash;
 mod gyro_clock;
 mod line;
 mod loads;
@@ -36,6 +38,7 @@ mod tests;
 
 pub use board::Board;
 pub use chip::{Bmi323Chip, BoardClock, Icm42688pChip, Shared};
+pub use describe::description;
 pub use direct::{Direct, SHORT_MOTION};
 pub use error::SimulateError;
 pub use gyro_clock::GyroChips;

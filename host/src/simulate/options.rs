@@ -34,6 +34,8 @@ pub struct Options {
     pub link: Option<PathBuf>,
     /// Where the caller writes the truth at the end.
     pub truth: Option<PathBuf>,
+    /// A file that keeps the board's flash, and with it a stored description, from one simulation to the next.
+    pub flash: Option<PathBuf>,
 }
 
 /// An effect and its size, as `backlash`, `backlash=large` or `backlash=0.008`.
@@ -100,6 +102,7 @@ impl Options {
             mistakes: Vec::new(),
             link: None,
             truth: None,
+            flash: None,
         }
     }
 
@@ -135,6 +138,7 @@ impl Options {
                         _ => return Err(wrong("ideal, real or unstamped")),
                     };
                 }
+                "flash" => options.flash = Some(PathBuf::from(value)),
                 "truth" => options.truth = Some(PathBuf::from(value)),
                 "pace" => {
                     options.pace = match value {
@@ -214,7 +218,7 @@ mod tests {
 
     #[test]
     fn a_ports_name_says_all() {
-        let text = "seed=3,effect=base_bearing,effect=backlash=0.004,robot=one_joint,fault=drop=0.01,fault=reset@7,mistake=gear=1*0.5,truth=t.json,process_noise=2";
+        let text = "seed=3,effect=base_bearing,effect=backlash=0.004,robot=one_joint,fault=drop=0.01,fault=reset@7,mistake=gear=1*0.5,truth=t.json,flash=f.bin,process_noise=2";
         let options = Options::parse(text).unwrap();
         assert_eq!((options.robot.name.as_str(), options.seed, options.pace), ("one_joint", 3, Pace::Fast));
         let effects: Vec<_> = options.effects.iter().map(|choice| (choice.effect.id, choice.size)).collect();
@@ -223,6 +227,7 @@ mod tests {
         assert_eq!(options.mistakes, [Mistake::Gear(0, 0.5)]);
         assert_eq!(options.process_noise, 2.0);
         assert_eq!(options.truth, Some(PathBuf::from("t.json")));
+        assert_eq!(options.flash, Some(PathBuf::from("f.bin")));
         assert_eq!(Options::parse("").unwrap().robot.name, "doggy");
     }
 

@@ -13,7 +13,7 @@ use super::{Fault, Microcontroller, SimulateError};
 const ROOM: usize = 4096;
 /// Ticks since the last heartbeat until a fast simulation waits for the next: the device's timeout is 100.
 const HEARTBEAT_TICKS: u64 = 60;
-/// Ticks until what the host sent is taken, answered and on its way back: a long answer takes 5.5 ms of the line.
+/// Ticks until what the host sent is taken, answered and on its way back: a long answer takes 5.7 ms of the line.
 const ANSWER_TICKS: u64 = 8;
 /// Ticks after a jog for which time may run fast: until a robot that was jogged is looked at and jogged again.
 const JOG_TICKS: u64 = 3000;

@@ -119,7 +119,10 @@ impl Simulator {
     /// [`SimulateError`] if the robot or its effects cannot be simulated, or there is no pseudo-terminal.
     pub fn start(options: &Options) -> Result<Self, SimulateError> {
         let Drawn { world, truth, effects } = Drawn::new(options)?;
-        let board = Board::new(&options.robot, world)?;
+        let mut board = Board::new(&options.robot, world)?;
+        if let Some(path) = &options.flash {
+            board = board.with_flash(path)?;
+        }
         let mut simulator = Self::of(Box::new(board), options)?;
         (simulator.truth, simulator.effects) = (truth, effects);
         Ok(simulator)

@@ -17,15 +17,17 @@ use firmware::constants::GYRO_SATURATED_AT;
 use firmware::driver::{
     BMI323_RATE_HZ, BMI323_READ_US, FILTER_DELAY_US, GyroRange, ICM42688P_RATE_HZ, ICM42688P_READ_US,
 };
+use protocol::description::GyroPart;
 use protocol::{EncoderInfo, GyroInfo, MAX_ENCODERS, MAX_GYROS, MAX_JOINTS, Side};
 
 use super::chip::{Bmi323Chip, BoardClock, Icm42688pChip, Shared};
+use super::describe::{encoders, gyro_range, suits, usual_part};
 use super::encoder::EncoderChip;
 use super::gyro_clock::GyroClock;
 use super::noise::Noise;
 use super::plant::Plant;
 use super::{Mistake, SimulateError, TICK_NS, TICK_S};
-use crate::robot::{self, InputUnit, Robot, Sensor};
+use crate::robot::{self, Robot};
 
 /// A robot and what is soldered to it.
 #[derive(Debug)]
@@ -89,17 +91,8 @@ impl World {
     /// # Errors
     /// [`SimulateError::Unsuited`] if the firmware's boards have no place for such a robot.
     pub fn new(robot: &Robot, plant: Plant, seed: u64) -> Result<Self, SimulateError> {
-        if robot.input.unit != InputUnit::Duty {
-            return Err(unsuited("the firmware drives motors by duty, the description has another input"));
-        }
-        if (robot.sample_period_s - TICK_S).abs() > 1e-9 {
-            return Err(unsuited("the firmware samples every 0.001 s, the description says otherwise"));
-        }
-        if robot.sensors.iter().any(|sensor| matches!(sensor, Sensor::Tachometer(_))) {
-            return Err(unsuited("the firmware reads no tachometers"));
-        }
-        let encoders = EncoderChip::of_robot(robot)
-            .map_err(|joint| unsuited(&format!("the encoder of joint {joint} needs its counts_per_turn")))?;
+        suits(robot)?;
+        let encoders = encoders(robot)?;
         let range = gyro_range(robot)?;
         let clock = BoardClock::default();
         let mut world = Self {
@@ -372,10 +365,17 @@ impl World {
 
 impl GyroChip {
     fn new(index: usize, clock: &BoardClock) -> Self {
-        if index.is_multiple_of(2) {
-            Self::Spi(Shared::new(Icm42688pChip::new(clock.clone())))
-        } else {
-            Self::I2c(Shared::new(Bmi323Chip::new(clock.clone())))
+        match usual_part(index) {
+            GyroPart::Icm42688p => Self::Spi(Shared::new(Icm42688pChip::new(clock.clone()))),
+            GyroPart::Bmi323 => Self::I2c(Shared::new(Bmi323Chip::new(clock.clone()))),
+        }
+    }
+
+    /// Which part it is.
+    pub fn part(&self) -> GyroPart {
+        match self {
+            Self::Spi(_) => GyroPart::Icm42688p,
+            Self::I2c(_) => GyroPart::Bmi323,
         }
     }
 
@@ -417,10 +417,6 @@ impl GyroChip {
     }
 }
 
-fn unsuited(reason: &str) -> SimulateError {
-    SimulateError::Unsuited { reason: reason.to_owned() }
-}
-
 fn reading_order(robot: &Robot, encoders: &[EncoderChip]) -> Vec<(f64, Reading)> {
     let encoders = encoders.iter().enumerate();
     let encoders = encoders.map(|(i, encoder)| (f64::from(encoder.info.offset_us) * 1e-6, Reading::Encoder(i)));
@@ -428,19 +424,4 @@ fn reading_order(robot: &Robot, encoders: &[EncoderChip]) -> Vec<(f64, Reading)>
     let mut order: Vec<_> = encoders.chain(gyros).collect();
     order.sort_by(|a, b| a.0.total_cmp(&b.0));
     order
-}
-
-/// The range that the description names, which must be one that the firmware knows and the same for all gyros.
-fn gyro_range(robot: &Robot) -> Result<GyroRange, SimulateError> {
-    let mut ranges = robot.gyros().filter_map(|gyro| gyro.range_rad_s);
-    let Some(wanted) = ranges.next() else { return Ok(GyroRange::default()) };
-    let dps = wanted.to_degrees();
-    let known = [GyroRange::Dps500, GyroRange::Dps1000, GyroRange::Dps2000];
-    let fitting = known.into_iter().find(|range| (f64::from(range.full_scale_dps()) / dps - 1.0).abs() < 1e-3);
-    match fitting {
-        Some(range) if ranges.all(|other| (other / wanted - 1.0).abs() < 1e-3) => Ok(range),
-        _ => Err(unsuited(&format!(
-            "the firmware's gyros have a range of 500, 1000 or 2000 deg/s, the description {dps:.1}"
-        ))),
-    }
 }

@@ -110,7 +110,7 @@ pub enum MotionError {
 }
 
 /// Where a joint may be, rad or m.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct Limits {
     /// Lower end.
     pub min: f32,

@@ -3,6 +3,7 @@
 use protocol::{
     Action, Command, Duty, EncoderInfo, Event, EventKind, Fault, GyroInfo, Hello, Identity, JointSet, Loss, LossCause,
     Motion, MotionEnd, MotionError, MotionId, Refusal, Report, ResetReason, Segment, Side, State, Status, ToDevice,
+    description::{DescriptionError, Descriptions, GyroPart, Stamp},
     hello::{Greeting, PanicPlace, SchemaKey},
     message::Level,
     motion::Header,
@@ -36,6 +37,11 @@ pub fn hello() -> Hello {
         zero: Some([-5, 0, 70_000].into_iter().collect()),
         reset: ResetReason::PowerOn,
         panic: None,
+        description: Descriptions {
+            running: None,
+            stored: Some(Stamp { sequence: 3, crc: [1, 2, 3, 4] }),
+            can_store: true,
+        },
         code_crc: Some(0x1234_5678),
     }
 }
@@ -65,6 +71,8 @@ pub fn longest_hello() -> Hello {
         (g.filter_delay_us, g.output_rate_hz) = (Some(u16::MAX), Some(u16::MAX));
     });
     hello.zero = Some([i32::MIN; 14].into_iter().collect());
+    let stamp = Some(Stamp { sequence: u32::MAX, crc: [u8::MAX; 4] });
+    hello.description = Descriptions { running: stamp, stored: stamp, can_store: true };
     hello.panic = Some(PanicPlace { file: text(&"f".repeat(40)), line: u32::MAX });
     hello
 }
@@ -131,6 +139,19 @@ pub fn reports() -> Vec<(&'static str, Report)> {
         ("refused_not_quiet", refused(Refusal::NotQuiet)),
         ("refused_no_such_joint", refused(Refusal::NoSuchJoint { joint: 3, joints: 3 })),
         ("refused_jog_bounds", refused(Refusal::JogBounds { duty: Duty(-1501), duration_ms: 201 })),
+        ("refused_no_store", refused(Refusal::NoStore)),
+        ("refused_armed", refused(Refusal::Armed)),
+        ("refused_unreadable", refused(Refusal::Unreadable)),
+        ("refused_motors", refused(Refusal::Description(DescriptionError::Motors { described: 2, board: 3 }))),
+        (
+            "refused_gyro_part",
+            refused(Refusal::Description(DescriptionError::GyroPart {
+                gyro: 1,
+                described: GyroPart::Icm42688p,
+                board: GyroPart::Bmi323,
+            })),
+        ),
+        ("refused_store_failed", refused(Refusal::StoreFailed)),
         ("heartbeat_seen", Report::HeartbeatSeen { count: 260, t_us: 1_000_000 }),
         (
             "status",
@@ -179,6 +200,9 @@ pub fn requests() -> Vec<(String, ToDevice)> {
         ("jog", Command::Jog { joint: 2, duty: Duty(-1500), duration_ms: 200 }),
         ("stop", Command::Stop),
         ("clear_fault", Command::ClearFault),
+        ("description_begin", Command::DescriptionBegin { pieces: 3 }),
+        ("description_piece", Command::DescriptionPiece { index: 2, bytes: [0, 1, 0xff].into_iter().collect() }),
+        ("description_end", Command::DescriptionEnd { checksum: 0x1234_5678 }),
     ]
     .map(|(name, command)| (name.to_owned(), command))
     .to_vec();

@@ -69,9 +69,9 @@ fn the_largest_messages_fit_their_bounds() {
     let hello = examples::longest_hello();
     hello.validate().unwrap();
     let n = write_report(&Report::Hello(hello), &mut out).unwrap();
-    // Measured 482 of 500: a field more and the bound must grow with it.
+    // Measured 515 of 520: a field more and the bound must grow with it.
     let payload = payloads(&out[..n]).pop().unwrap().len();
-    assert!((460..=MAX_PAYLOAD).contains(&payload), "{payload}");
+    assert!((500..=MAX_PAYLOAD).contains(&payload), "{payload}");
 
     let header = Header {
         name: text(&"n".repeat(24)),

@@ -19,6 +19,7 @@
 //!   depends on when the host's bytes arrive, and a recording of the emulator must not. The exact cycles go to the world
 //!   with the exchange.
 //! * **The watchdog** is the world's: it is told whether it was fed, and resets the machine.
+//! * **The flash** that keeps a description is RAM, which a reset leaves alone. An erase takes no time.
 //! * **Reset flags** are the world's too; the place of a panic survives in RAM as on the real board.
 
 mod buses;
@@ -27,6 +28,7 @@ mod exchange;
 mod line;
 mod pins;
 mod stack;
+mod store;
 
 use cortex_m::Peripherals as Core;
 use cortex_m::{asm, singleton};
@@ -42,6 +44,7 @@ use super::{Board, gyro};
 use buses::{BMI323_ADDRESS, I2cBus, SpiBus, Spin, Wait};
 pub use line::{LineIn, LineOut};
 pub use pins::Pins;
+pub use store::Store;
 
 /// The emergency stop is a bit of the exchange, with nothing to be short-circuited.
 pub const STOP_TEST: bool = false;
@@ -103,7 +106,7 @@ pub fn start(mut core: Core, device: Device) -> Board {
     let line_out = LineOut::new(device.USART1);
     clock::start(&mut core.SYST);
     let pins = Pins::new(there, exchange, arrived);
-    Board { pins, line_out, line_in, watchdog: Watchdog, search, started: (reason, place) }
+    Board { pins, line_out, line_in, watchdog: Watchdog, search, store: store::take(), started: (reason, place) }
 }
 
 /// Never comes: the supply is a bit of the exchange.
@@ -120,6 +123,9 @@ impl wiring::Watchdog for Watchdog {
     fn feed(&mut self) {
         pins::feed();
     }
+
+    /// The world counts periods, and the store takes no time.
+    fn lengthen(&mut self) {}
 }
 
 /// Nothing more happens until the machine is reset.

@@ -22,6 +22,7 @@ mod line;
 mod motors;
 mod reset;
 mod spi;
+mod store;
 mod supply;
 mod watchdog;
 
@@ -49,6 +50,7 @@ use encoders::Encoders;
 pub use line::{LineIn, LineOut};
 use motors::Motors;
 pub use motors::motors_off;
+pub use store::Store;
 use supply::Supply;
 pub use supply::fell as supply_fell;
 pub use watchdog::Watchdog;
@@ -179,7 +181,8 @@ pub fn start(core: Core, device: Device) -> Board {
         preloaded: None,
         stopwatch: Stopwatch::default(),
     };
-    Board { pins, line_out, line_in, watchdog, search, started }
+    let store = Store::new(device.FLASH);
+    Board { pins, line_out, line_in, watchdog, search, store, started }
 }
 
 /// Sensors and motors.

@@ -2,7 +2,7 @@
 //!
 //! | | prescaler | reload | nominal | bounds |
 //! |---|---|---|---|---|
-//! | during the start | 64 | 1000 | 2.0 s | 1.4 to 3.8 s |
+//! | during the start, and while a description is stored | 64 | 1000 | 2.0 s | 1.4 to 3.8 s |
 //! | from the first tick on | 4 | 127 | 16 ms | 11 to 30 ms |
 
 use firmware::wiring;
@@ -11,7 +11,7 @@ use stm32f4xx_hal::pac::{DBGMCU, IWDG};
 /// Never to be stopped once it runs.
 pub struct Watchdog {
     registers: IWDG,
-    /// The time of a start is still in force.
+    /// The time of a start is in force.
     starting: bool,
 }
 
@@ -20,12 +20,18 @@ impl Watchdog {
     pub fn start(registers: IWDG, debug: &DBGMCU) -> Self {
         debug.apb1_fz().modify(|_, w| w.dbg_iwdg_stop().set_bit());
         registers.kr().write(|w| w.key().start());
-        let watchdog = Watchdog { registers, starting: true };
-        watchdog.registers.kr().write(|w| w.key().unlock());
-        watchdog.registers.pr().write(|w| w.pr().divide_by64());
-        watchdog.registers.rlr().write(|w| w.rl().set(1000));
-        watchdog.settle();
+        let mut watchdog = Watchdog { registers, starting: true };
+        watchdog.set_long();
         watchdog
+    }
+
+    /// The time of a start, from here on.
+    fn set_long(&mut self) {
+        self.starting = true;
+        self.registers.kr().write(|w| w.key().unlock());
+        self.registers.pr().write(|w| w.pr().divide_by64());
+        self.registers.rlr().write(|w| w.rl().set(1000));
+        self.settle();
     }
 
     /// The time of a tick, from here on.
@@ -57,5 +63,10 @@ impl wiring::Watchdog for Watchdog {
             self.shorten();
         }
         self.registers.kr().write(|w| w.key().feed());
+    }
+
+    /// An erase takes 0.8 s at most, and the shortest time of a start is 1.4 s.
+    fn lengthen(&mut self) {
+        self.set_long();
     }
 }

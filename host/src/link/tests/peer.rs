@@ -142,6 +142,7 @@ pub fn doggy() -> Hello {
         zero: Some([-5, 0, 70_000].into_iter().collect()),
         reset: ResetReason::PowerOn,
         panic: None,
+        description: Default::default(),
         code_crc: None,
     }
 }

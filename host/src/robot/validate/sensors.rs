@@ -1,6 +1,8 @@
 //! Sensors, and the parameters that gyros bring.
 
-use super::super::file::{SensorKind, SensorTable, StartOrFixed};
+use protocol::description::GyroPart;
+
+use super::super::file::{PartName, SensorKind, SensorTable, StartOrFixed};
 use super::super::{Encoder, Gyro, Joint, JointKind, Parameter, ParameterSpec, RobotError, Sensor, Symbol, Tachometer};
 use super::checks::{by_kind, by_kind_with, finite, positive, rotation, within};
 use super::{Checked, start_or_fixed};
@@ -91,7 +93,7 @@ pub(super) fn sensor(at: &str, table: &SensorTable, joints: &[Joint], period_s: 
         SensorKind::MotorEncoder => &["counts_per_turn", "sigma_rad", "sigma_m"],
         SensorKind::LinkEncoder => &["counts_per_turn", "sigma_rad", "sigma_m", "zero_rad", "zero_m", "scale_error"],
         SensorKind::Tachometer => &["side", "sigma_rad_s", "sigma_m_s"],
-        SensorKind::Gyro => &["rotation", "bias_rad_s", "sigma_rad_s", "range_rad_s", "lag_s"],
+        SensorKind::Gyro => &["rotation", "bias_rad_s", "sigma_rad_s", "range_rad_s", "part", "lag_s"],
     };
     if let Some(stray) = given_fields(table).find(|field| !allowed.contains(field)) {
         let advice = format!("a {} has no such field; it takes {}", table.kind.name(), allowed.join(", "));
@@ -203,6 +205,10 @@ fn gyro(at: &str, table: &SensorTable, body: usize, offset_s: f64) -> Checked<Se
         bias_simulated_rad_s,
         sigma_rad_s,
         range_rad_s: table.range_rad_s,
+        part: table.part.map(|part| match part {
+            PartName::Icm42688p => GyroPart::Icm42688p,
+            PartName::Bmi323 => GyroPart::Bmi323,
+        }),
         lag_s: lag(at, table)?,
         offset_s,
     }))
@@ -222,6 +228,7 @@ fn given_fields(table: &SensorTable) -> impl Iterator<Item = &'static str> {
         (table.rotation.is_some(), "rotation"),
         (table.bias_rad_s.is_some(), "bias_rad_s"),
         (table.range_rad_s.is_some(), "range_rad_s"),
+        (table.part.is_some(), "part"),
         (table.lag_s.is_some(), "lag_s"),
     ]
     .into_iter()
