@@ -1,15 +1,16 @@
 //! Start values of a rigid robot: robust least squares of its parameters on the torques along filtered differences.
 //!
 //! Torques are linear in the parameters, so that the search begins at the same place whatever the robot file starts with. What the torques do not show keeps
-//! the file's value, and so does what they show to be impossible, as a negative inertia; the others are then found beside it. Elastic robots, and those
-//! whose torque constant is unknown, start as their file says.
+//! the file's value, and so does what they show to be impossible, as a negative inertia; the others are then found beside it. Where a torque constant is unknown,
+//! torques that are known, as those of a body's weight, set the scale; without them all torques are none with all parameters zero. Such a robot, and an
+//! elastic one, starts as its file says.
 
 use nalgebra::DMatrix;
 
 use crate::calibrate::data::series::Series;
 use crate::inverse_dynamics::{self, Cornered, Identified, Readings, SHORTEST_RUN};
-use crate::model::Model;
-use crate::robot::{ChannelKind, Robot, Symbol};
+use crate::model::{Coordinate, Model};
+use crate::robot::{ChannelKind, Robot};
 
 /// What the torques show.
 #[derive(Debug, Clone)]
@@ -35,8 +36,7 @@ impl TorqueStart {
 pub(crate) fn of(model: &Model, robot: &Robot, series: &Series) -> Option<TorqueStart> {
     let layout = model.layout();
     let is_rigid = (0..layout.joints()).all(|joint| !layout.is_elastic(joint)) && layout.passive().next().is_none();
-    let unknown_torque = model.coordinates().iter().any(|c| matches!(c.spec.symbol, Symbol::KPwm | Symbol::KT));
-    if !is_rigid || unknown_torque || !model.laws().is_empty() || model.coordinates().is_empty() {
+    if !is_rigid || !model.laws().is_empty() || model.coordinates().is_empty() {
         return None;
     }
     let readings: Option<Vec<Readings>> =
@@ -57,12 +57,20 @@ pub(crate) fn of(model: &Model, robot: &Robot, series: &Series) -> Option<Torque
             .filter(|i| !held.contains(i))
             .collect();
         if impossible.is_empty() {
-            let per_input = |joint: usize| {
-                let constant =
-                    robot.input.unit.torque_constant().and_then(|symbol| robot.joint_parameter(symbol, joint));
-                robot.input.scale * constant.map_or(1.0, |spec| spec.value.start)
+            let missing = motion.missing_scale(&exact, &z);
+            let constants: Vec<Constant> =
+                (0..layout.joints()).map(|joint| Constant::of(model, robot, joint)).collect();
+            let known = motion.missing_scale(&exact, &vec![0.0; z.len()]);
+            let is_scaled =
+                |joint: usize| matches!(constants[joint], Constant::Known(_)) || known[joint] > missing[joint];
+            if !(0..layout.joints()).all(is_scaled) {
+                return None;
+            }
+            let per_input = |joint: usize| match constants[joint] {
+                Constant::Known(value) => robot.input.scale * value,
+                Constant::Free(coordinate) => robot.input.scale * z[coordinate],
             };
-            let left = motion.missing_scale(&exact, &z).into_iter().enumerate();
+            let left = missing.into_iter().enumerate();
             let left: Vec<f64> = left.map(|(joint, torque)| torque / per_input(joint).abs()).collect();
             // Beside what is held at an impossible place the others have no errors that could be compared.
             let told = |value: f64| if value.is_finite() && held.is_empty() { value } else { 0.0 };
@@ -72,6 +80,25 @@ pub(crate) fn of(model: &Model, robot: &Robot, series: &Series) -> Option<Torque
             return Some(TorqueStart { z, covariance, corner_hz, left });
         }
         held.extend(impossible);
+    }
+}
+
+/// The torque of one unit of input before its scale.
+enum Constant {
+    /// It is known, N m or N.
+    Known(f64),
+    /// It is this coordinate.
+    Free(usize),
+}
+
+impl Constant {
+    fn of(model: &Model, robot: &Robot, joint: usize) -> Self {
+        let Some(symbol) = robot.input.unit.torque_constant() else { return Self::Known(1.0) };
+        let is_its = |c: &Coordinate| c.spec.symbol == symbol && c.spec.joints.contains(&joint);
+        match model.coordinates().iter().position(is_its) {
+            Some(coordinate) => Self::Free(coordinate),
+            None => Self::Known(robot.joint_parameter(symbol, joint).map_or(1.0, |spec| spec.value.start)),
+        }
     }
 }
 
