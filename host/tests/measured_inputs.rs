@@ -10,16 +10,17 @@ use rand::{SeedableRng, rngs::StdRng};
 use rand_distr::{Distribution, StandardNormal};
 use serde_json::Value;
 
-/// The pendulum: inertia kg m², weight N m, Coulomb friction N m, viscous friction N m s/rad.
+/// The pendulum: inertia kg m², weight N m, Coulomb friction N m and by how much of itself it grows with the motor's torque 1/(N m), viscous friction N m s/rad.
 #[derive(Clone, Copy)]
 struct Pendulum {
     inertia: f64,
     weight: f64,
     coulomb: f64,
+    load: f64,
     viscous: f64,
 }
 
-const LIGHT: Pendulum = Pendulum { inertia: 0.15, weight: 3.0, coulomb: 0.1, viscous: 0.05 };
+const LIGHT: Pendulum = Pendulum { inertia: 0.15, weight: 3.0, coulomb: 0.1, load: 0.0, viscous: 0.05 };
 const G: f64 = 9.81;
 /// Slope of the smooth sign, s/rad: tanh(25 q̇).
 const SLOPE: f64 = 50.0;
@@ -49,7 +50,7 @@ fn pushed_table(
             .iter()
             .fold((0.0, 0.0), |(q, v), (a, f)| (q + a * (tau * f * t).sin(), v + a * tau * f * (tau * f * t).cos()))
     };
-    let Pendulum { inertia, weight, coulomb, viscous } = pendulum;
+    let Pendulum { inertia, weight, coulomb, load, viscous } = pendulum;
     let (mut q, mut v) = wanted(0.0);
     let mut text = String::from("t,u,q\n");
     for k in 0..(seconds / period_s) as usize {
@@ -58,7 +59,8 @@ fn pushed_table(
         let u = weight * q.sin() + 40.0 * inertia / 0.15 * (to - q) + 2.5 * inertia / 0.15 * (rate - v);
         writeln!(text, "{t:.6},{:.6},{:.7}", u + normal(noise.0), q + normal(noise.1)).unwrap();
         let acceleration = |q: f64, v: f64| {
-            (u + push(t) - weight * q.sin() - viscous * v - coulomb * (0.5 * SLOPE * v).tanh()) / inertia
+            let friction = coulomb * (1.0 + load * u.abs()) * (0.5 * SLOPE * v).tanh() + viscous * v;
+            (u + push(t) - weight * q.sin() - friction) / inertia
         };
         let (parts, mut left) = (20, 20);
         let h = period_s / f64::from(parts);
@@ -167,7 +169,7 @@ fn the_answer_does_not_depend_on_the_start() {
 #[test]
 fn a_wrong_mass_in_the_file_widens_the_errors() {
     let folder = tempfile::tempdir().unwrap();
-    let heavy = Pendulum { inertia: 4.06, weight: 60.0, coulomb: 5.0, viscous: 8.0 };
+    let heavy = Pendulum { inertia: 4.06, weight: 60.0, coulomb: 5.0, load: 0.0, viscous: 8.0 };
     let slow = [(0.8, 0.08), (0.15, 0.21)];
     let table = table(heavy, (0.01, 40.0), &slow, (0.5, 5e-5), 5);
     let mass = heavy.weight / G / 0.5;
@@ -223,12 +225,12 @@ fn pushes_by_hand_do_not_draw_the_parameters() {
         for (told, [from, to, torque]) in pushes.iter().zip([[8.0, 8.3, 12.0], [19.0, 19.4, -9.0]]) {
             let value = |name: &str| told[name].as_f64().unwrap();
             // Two samples, and a tenth of the torque.
+            eprintln!("seed {seed}: {told} of {torque}");
             assert!(
                 (value("from_s") - from).abs() < 0.021 && (value("to_s") - to).abs() < 0.021,
                 "seed {seed}: {told}"
             );
-            assert!((value("largest").abs() / torque.abs() - 1.0).abs() < 0.1, "seed {seed}: {told}");
-            assert_eq!(value("largest") < 0.0, torque > 0.0, "what was measured less what acted: {told}");
+            assert!((value("mean") / torque - 1.0).abs() < 0.1, "seed {seed}: {told}");
         }
         assert_eq!(pushes.len(), 2, "seed {seed}: {pushes:?}");
         for (name, truth) in [("b[1]", LIGHT.inertia), ("mz[1]", -LIGHT.weight / G)] {
@@ -320,4 +322,27 @@ fn the_recipe_of_torques_chooses_its_corner() {
     assert!((given["filter_hz"].as_f64().unwrap() - 100.0).abs() < 1e-9);
     assert!(unexplained(&given) > 2.0 * left, "{} at 100 Hz", unexplained(&given));
     host(folder.path(), &[&torque[..], &["--corner", "-3"]].concat(), 2);
+}
+
+/// A gear rubs more the more it carries: at 3 N m two and a half times as much as at rest. A diagnosis names it on a joint without any spring.
+#[test]
+fn friction_that_grows_with_the_load_of_a_rigid_joint_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let loaded = Pendulum { coulomb: 0.3, load: 0.5, ..LIGHT };
+    std::fs::write(folder.path().join("robot.toml"), robot(0.004, 1e-4, STARTS, 0.0)).unwrap();
+    for seed in 0..2 {
+        let table = table(loaded, (0.004, 40.0), &SLOW, (0.02, 1e-4), seed);
+        std::fs::write(folder.path().join("run.csv"), table).unwrap();
+        host(folder.path(), &["import", "run.csv", "--robot", "robot.toml", "-o", "run.mcap", "--force"], 0);
+        host(folder.path(), &["diagnose", "run.mcap", "-o", "diag.json", "--force"], 10);
+        let diagnosis = json(&folder.path().join("diag.json"));
+        let findings = diagnosis["findings"].as_array().unwrap();
+        let names: Vec<&str> = findings.iter().map(|finding| finding["effect"].as_str().unwrap()).collect();
+        assert_eq!(names, ["load_friction"], "seed {seed}");
+        let (a, error) = parameter(&findings[0], "load_friction.a[1]");
+        let (mu, of_mu) = parameter(&diagnosis["extended"], "mu[1]");
+        eprintln!("seed {seed}: a {a:.4} ± {error:.4} of 0.5, mu {mu:.4} ± {of_mu:.4} of 0.3");
+        assert!((a - 0.5).abs() < 4.0 * error && error < 0.05, "seed {seed}: a is {a} ± {error}");
+        assert!((mu - 0.3).abs() < 4.0 * of_mu, "seed {seed}: mu is {mu} ± {of_mu}");
+    }
 }

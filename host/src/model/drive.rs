@@ -27,6 +27,8 @@ pub(super) struct Drive {
     damping: Source,
     /// The viscous term is friction, and holds the link back.
     viscous_at_link: bool,
+    /// What its speed takes is back-EMF, not viscous friction.
+    by_voltage: bool,
 }
 
 /// Positions and speeds of both sides of one transmission, and the input.
@@ -88,6 +90,7 @@ impl Drive {
         let by_voltage = matches!(robot.input.unit, InputUnit::Duty | InputUnit::Volt);
         Drive {
             input_scale: robot.input.scale,
+            by_voltage,
             viscous_at_link: !by_voltage && matches!(friction, Friction::Coulomb { acts: Side::Link, .. }),
             friction,
             torque_constant: match robot.input.unit {
@@ -229,8 +232,8 @@ impl Drive {
             let spring = at.k_s * at.wind() + at.d_s * at.wind_rate();
             at.transmitted = joint.ask(Hook::Transmission, &mut at, spring);
         } else {
-            // Its gear carries what the motor gives, but for what turns the rotor.
-            at.transmitted = -motor;
+            // Its gear carries what the motor gives, but for what turns the rotor. Viscous friction is none of what it gives, back-EMF is.
+            at.transmitted = if self.by_voltage { -motor } else { -(motor + viscous) };
         }
         let coulomb = at.coulomb();
         let friction = joint.ask(Hook::Friction, &mut at, coulomb) + physical(c.offset);

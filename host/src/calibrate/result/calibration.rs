@@ -99,8 +99,8 @@ pub struct Push {
     pub from_s: f64,
     /// See `from_s`.
     pub to_s: f64,
-    /// The largest error of the input, in its unit: what was measured less what the motion took.
-    pub largest: f64,
+    /// What acted beyond what was measured, in the input's unit: the mean over these samples.
+    pub mean: f64,
 }
 
 /// How residuals scatter between blocks of time.

@@ -14,24 +14,23 @@ pub(crate) fn pushes(problem: &Problem<'_>, point: &Point<'_>) -> Vec<Push> {
     let mut pushes: Vec<Push> = Vec::new();
     for (joint, component) in problem.model.layout().inputs().enumerate() {
         for (number, stages) in series.recordings.iter().enumerate() {
-            let mut last: Option<Push> = None;
+            let mut last: Option<(Push, usize)> = None;
             for k in stages.clone().filter(|k| series.input_spread(*k, joint) > 1.0) {
                 let (t_s, error) = (series.time_s(k), point.state(k)[component]);
                 match &mut last {
-                    Some(push) if t_s - push.to_s < ONE_PUSH_S => {
+                    Some((push, samples)) if t_s - push.to_s < ONE_PUSH_S => {
                         push.to_s = t_s;
-                        if error.abs() > push.largest.abs() {
-                            push.largest = error;
-                        }
+                        *samples += 1;
+                        push.mean += (error - push.mean) / *samples as f64;
                     }
                     last => {
                         let new =
-                            Push { recording: number + 1, joint: joint + 1, from_s: t_s, to_s: t_s, largest: error };
-                        pushes.extend(last.replace(new));
+                            Push { recording: number + 1, joint: joint + 1, from_s: t_s, to_s: t_s, mean: error };
+                        pushes.extend(last.replace((new, 1)).map(|(push, _)| push));
                     }
                 }
             }
-            pushes.extend(last);
+            pushes.extend(last.map(|(push, _)| push));
         }
     }
     pushes
@@ -48,7 +47,7 @@ pub(crate) fn sentences(robot: &Robot, pushes: &[Push]) -> Vec<String> {
         let unit = robot.input.unit.symbol();
         let times: Vec<String> = pushes
             .iter()
-            .map(|push| format!("{:.2}–{:.2} s ({:+.3} {unit})", push.from_s, push.to_s, push.largest))
+            .map(|push| format!("{:.2}–{:.2} s ({:+.3} {unit})", push.from_s, push.to_s, push.mean))
             .collect();
         format!(
             "the input of {joint}{recording} does not explain the motion at {count} time{}, as where somebody pushes the robot or it hits something: {}; nothing is drawn from these",
