@@ -24,8 +24,7 @@ pub(crate) fn pushes(problem: &Problem<'_>, point: &Point<'_>) -> Vec<Push> {
                         push.mean += (error - push.mean) / *samples as f64;
                     }
                     last => {
-                        let new =
-                            Push { recording: number + 1, joint: joint + 1, from_s: t_s, to_s: t_s, mean: error };
+                        let new = Push { recording: number + 1, joint: joint + 1, from_s: t_s, to_s: t_s, mean: error };
                         pushes.extend(last.replace((new, 1)).map(|(push, _)| push));
                     }
                 }
