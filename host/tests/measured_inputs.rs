@@ -329,9 +329,9 @@ fn the_recipe_of_torques_chooses_its_corner() {
 fn friction_that_grows_with_the_load_of_a_rigid_joint_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let loaded = Pendulum { coulomb: 0.3, load: 0.5, ..LIGHT };
-    std::fs::write(folder.path().join("robot.toml"), robot(0.004, 1e-4, STARTS, 0.0)).unwrap();
+    std::fs::write(folder.path().join("robot.toml"), robot(0.01, 1e-4, STARTS, 0.0)).unwrap();
     for seed in 0..2 {
-        let table = table(loaded, (0.004, 40.0), &SLOW, (0.02, 1e-4), seed);
+        let table = table(loaded, (0.01, 40.0), &SLOW, (0.02, 1e-4), seed);
         std::fs::write(folder.path().join("run.csv"), table).unwrap();
         host(folder.path(), &["import", "run.csv", "--robot", "robot.toml", "-o", "run.mcap", "--force"], 0);
         host(folder.path(), &["diagnose", "run.mcap", "-o", "diag.json", "--force"], 10);
