@@ -112,9 +112,17 @@ impl Config {
         encoders: &[EncoderInfo],
         gyros: &[GyroSetup],
     ) -> Result<Self, ConfigError> {
+        let mut config = Self::empty();
+        config.put(robot, joints, encoders, gyros)?;
+        Ok(config)
+    }
+
+    /// No robot yet.
+    #[inline(never)]
+    pub(crate) fn empty() -> Self {
         let hello = Hello {
-            identity: Identity::ours(env!("CARGO_PKG_VERSION"), robot),
-            layout: check(joints, encoders, gyros)?,
+            identity: Identity::ours(env!("CARGO_PKG_VERSION"), ""),
+            layout: Layout::DOGGY,
             tick_us: constants::TICK_US as u16,
             encoders: Vec::new(),
             gyros: Vec::new(),
@@ -124,16 +132,14 @@ impl Config {
             description: Descriptions::default(),
             code_crc: None,
         };
-        let mut config = Config {
+        Config {
             hello,
             joints: Vec::new(),
             encoder_bounds: [NO_BOUNDS; MAX_ENCODERS],
             gyro_bounds: constants::GYRO_BOUNDS,
             stop_test: false,
             rotations: Vec::new(),
-        };
-        config.put(robot, joints, encoders, gyros)?;
-        Ok(config)
+        }
     }
 
     /// Puts this robot in the place of the one that is here, which takes less stack than another [`Config`].
