@@ -8,6 +8,7 @@ use protocol::description::{Descriptions, Stamp};
 use protocol::hello::PanicPlace;
 use protocol::motion::Limits;
 use protocol::sample::Layout;
+use protocol::units::text;
 use protocol::{Duty, EncoderInfo, GyroInfo, Hello, Identity, MAX_ENCODERS, MAX_GYROS, MAX_JOINTS, ResetReason};
 
 use crate::check::{check, motor_encoder};
@@ -111,15 +112,58 @@ impl Config {
         encoders: &[EncoderInfo],
         gyros: &[GyroSetup],
     ) -> Result<Self, ConfigError> {
-        let layout = check(joints, encoders, gyros)?;
-        let mut bounds = [EncoderBounds {
-            max_step_counts: i32::MAX,
-            standing_duty: 0,
-            stuck_push: 0,
-            held_push_squared: 0,
-            stale_ticks: 0,
-        }; MAX_ENCODERS];
-        for (encoder, bounds) in encoders.iter().zip(&mut bounds) {
+        let mut config = Self::empty();
+        config.put(robot, joints, encoders, gyros)?;
+        Ok(config)
+    }
+
+    /// No robot yet.
+    #[inline(never)]
+    pub(crate) fn empty() -> Self {
+        let hello = Hello {
+            identity: Identity::ours(env!("CARGO_PKG_VERSION"), ""),
+            layout: Layout::DOGGY,
+            tick_us: constants::TICK_US as u16,
+            encoders: Vec::new(),
+            gyros: Vec::new(),
+            zero: None,
+            reset: ResetReason::Unknown,
+            panic: None,
+            description: Descriptions::default(),
+            code_crc: None,
+        };
+        Config {
+            hello,
+            joints: Vec::new(),
+            encoder_bounds: [NO_BOUNDS; MAX_ENCODERS],
+            gyro_bounds: constants::GYRO_BOUNDS,
+            stop_test: false,
+            rotations: Vec::new(),
+        }
+    }
+
+    /// Puts this robot in the place of the one that is here, which takes less stack than another [`Config`].
+    ///
+    /// # Errors
+    /// [`ConfigError`] if it does not fit together; nothing has changed then.
+    #[inline(never)]
+    pub fn put(
+        &mut self,
+        robot: &str,
+        joints: &[JointSetup],
+        encoders: &[EncoderInfo],
+        gyros: &[GyroSetup],
+    ) -> Result<(), ConfigError> {
+        let Config { hello, joints: loop_joints, encoder_bounds, rotations, .. } = self;
+        hello.layout = check(joints, encoders, gyros)?;
+        hello.identity.robot = text(robot);
+        hello.encoders.clear();
+        hello.gyros.clear();
+        loop_joints.clear();
+        rotations.clear();
+        *encoder_bounds = [NO_BOUNDS; MAX_ENCODERS];
+        // The check has bounded joints, encoders and gyros by their capacities, so that every push fits.
+        for (encoder, bounds) in encoders.iter().zip(encoder_bounds) {
             let scale = counts_per_unit(encoder);
             let step = constants::MAX_SPEED_PER_S * scale * constants::TICK_US as f32 * 1e-6;
             let setup = joints.get(usize::from(encoder.joint));
@@ -130,34 +174,23 @@ impl Config {
                 held_push_squared: setup.map_or(0, |setup| held_push_squared(setup.held_s)),
                 stale_ticks: constants::ENCODER_STALE_TICKS,
             };
+            let _ = hello.encoders.push(*encoder);
         }
-        let mut loop_joints = Vec::<Joint, MAX_JOINTS>::new();
         for (index, setup) in joints.iter().enumerate() {
-            // The check has bounded the joints by MAX_JOINTS, so the push fits.
             let _ = loop_joints.push(joint(motor_encoder(index, encoders)?, setup, encoders));
         }
         let mut scales = [f32::INFINITY; MAX_JOINTS];
-        for (scale, joint) in scales.iter_mut().zip(&loop_joints) {
+        for (scale, joint) in scales.iter_mut().zip(loop_joints.iter()) {
             *scale = joint.counts_per_unit;
         }
         for (joint, setup) in loop_joints.iter_mut().zip(joints) {
             joint.drive.carry(&setup.carried_s2, &scales);
         }
-        let hello = Hello {
-            identity: Identity::ours(env!("CARGO_PKG_VERSION"), robot),
-            layout,
-            tick_us: constants::TICK_US as u16,
-            encoders: encoders.iter().copied().take(MAX_ENCODERS).collect(),
-            gyros: gyros.iter().map(|gyro| gyro.info).take(MAX_GYROS).collect(),
-            zero: None,
-            reset: ResetReason::Unknown,
-            panic: None,
-            description: Descriptions::default(),
-            code_crc: None,
-        };
-        let rotations = gyros.iter().map(RotationWatch::new).take(MAX_GYROS).collect();
-        let gyro_bounds = constants::GYRO_BOUNDS;
-        Ok(Config { hello, joints: loop_joints, encoder_bounds: bounds, gyro_bounds, stop_test: false, rotations })
+        for gyro in gyros {
+            let _ = hello.gyros.push(gyro.info);
+            let _ = rotations.push(RotationWatch::new(gyro));
+        }
+        Ok(())
     }
 
     /// Why the device started, for the handshake and the first event.
@@ -208,6 +241,10 @@ impl Config {
         &self.joints
     }
 }
+
+/// Those of encoders that are not there.
+const NO_BOUNDS: EncoderBounds =
+    EncoderBounds { max_step_counts: i32::MAX, standing_duty: 0, stuck_push: 0, held_push_squared: 0, stale_ticks: 0 };
 
 /// Counts per rad or m of the joint, without sign.
 pub(crate) fn counts_per_unit(encoder: &EncoderInfo) -> f32 {

@@ -46,6 +46,7 @@ pub struct GyroPlace {
 }
 
 /// A description in the form in which it is checked.
+#[derive(Default)]
 struct Fitted {
     joints: Vec<JointSetup, MAX_JOINTS>,
     encoders: Vec<EncoderInfo, MAX_ENCODERS>,
@@ -59,44 +60,47 @@ impl Hardware<'_> {
     /// [`ConfigError`] with the first thing that does not fit.
     #[inline(never)]
     pub fn check(&self, description: &Description) -> Result<(), ConfigError> {
-        let Fitted { joints, encoders, gyros } = self.fitted(description)?;
-        check(&joints, &encoders, &gyros).map(drop)
+        let mut fitted = Fitted::default();
+        self.fit(description, &mut fitted)?;
+        check(&fitted.joints, &fitted.encoders, &fitted.gyros).map(drop)
     }
 
     /// This robot on this board.
     ///
     /// # Errors
     /// [`ConfigError`] as of [`Hardware::check`].
-    #[inline(never)]
     pub fn config(&self, description: &Description) -> Result<Config, ConfigError> {
-        let Fitted { joints, encoders, gyros } = self.fitted(description)?;
-        Config::new(&description.robot, &joints, &encoders, &gyros)
+        let mut fitted = Fitted::default();
+        self.fit(description, &mut fitted)?;
+        Config::new(&description.robot, &fitted.joints, &fitted.encoders, &fitted.gyros)
     }
 
-    /// What a start runs: the description in the flash, or what is built in if there is none or this board cannot run it.
-    /// [`Config::descriptions`] tells which it was, and that nothing can be stored where the flash has no room. `room` is free
-    /// afterwards.
+    /// What a start runs: the description in the flash in the place of the built-in robot, which stays if there is none or
+    /// this board cannot run it. [`Config::descriptions`] tells which it is, and that nothing can be stored where the flash
+    /// has no room. `room` is free afterwards.
     #[inline(never)]
-    pub fn start<F: ReadNorFlash>(&self, flash: &mut F, room: &mut Bytes, built_in: impl FnOnce() -> Config) -> Config {
+    pub fn start<F: ReadNorFlash>(&self, config: &mut Config, flash: &mut F, room: &mut Bytes) {
         let stored = store::load(flash, room);
-        let described = stored.and_then(|_| self.read(room));
+        let running = stored.filter(|_| self.put(room, config).is_some());
         room.clear();
-        let running = stored.filter(|_| described.is_some());
-        let mut config = described.unwrap_or_else(built_in);
         if flash.capacity() >= 2 * store::MIN_AREA_BYTES {
             config.stores(running, stored);
         }
-        config
     }
 
-    /// The robot of these bytes, if it runs on this board.
+    /// Puts the robot of these bytes in the place of another; none if it does not run on this board.
+    // At the start of an image the stack is deepest about here: each value stands where it is used.
     #[inline(never)]
-    fn read(&self, bytes: &[u8]) -> Option<Config> {
-        Description::decode(bytes).ok().and_then(|description| self.config(&description).ok())
+    fn put(&self, bytes: &[u8], config: &mut Config) -> Option<()> {
+        let (mut description, mut fitted) = (Description::default(), Fitted::default());
+        description.read(bytes).ok()?;
+        self.fit(&description, &mut fitted).ok()?;
+        config.put(&description.robot, &fitted.joints, &fitted.encoders, &fitted.gyros).ok()
     }
 
     /// The description with what the board knows.
-    fn fitted(&self, description: &Description) -> Result<Fitted, ConfigError> {
+    #[inline(never)]
+    fn fit(&self, description: &Description, fitted: &mut Fitted) -> Result<(), ConfigError> {
         let Description { robot: _, joints, encoders, gyros } = description;
         let count = |n: usize| u8::try_from(n).unwrap_or(u8::MAX);
         if joints.len() != self.motors {
@@ -110,7 +114,7 @@ impl Hardware<'_> {
             return Err(ConfigError::Gyros { described: count(gyros.len()), board: count(self.gyros.len()) });
         }
         // The same capacities on both sides: everything fits.
-        let mut fitted = Fitted { joints: Vec::new(), encoders: Vec::new(), gyros: Vec::new() };
+        *fitted = Fitted::default();
         for (index, joint) in (0..).zip(joints) {
             if joint.carried_s2.len() != joints.len() {
                 return Err(ConfigError::Carried { joint: index });
@@ -146,6 +150,6 @@ impl Hardware<'_> {
             let info = GyroInfo { body, ..place.info };
             let _ = fitted.gyros.push(GyroSetup { info, mount, give_rad, sag_rad });
         }
-        Ok(fitted)
+        Ok(())
     }
 }

@@ -86,7 +86,8 @@ mod app {
         }
         let (tick_ends, telemetry_ends, commands) = ctx.local.queues.split();
         let mut store = board.store;
-        let mut config = robot::HARDWARE.start(&mut store, tick_ends.description, robot::doggy);
+        let mut config = robot::doggy();
+        robot::HARDWARE.start(&mut config, &mut store, tick_ends.description);
         config.started_by(reset, panic).code_crc(board::code_crc()).stop_test(board::STOP_TEST);
         match (config.descriptions().running, config.descriptions().stored) {
             (Some(stamp), _) => defmt::info!("runs the stored description {=u32}", stamp.sequence),

@@ -8,7 +8,7 @@ mod program;
 
 use std::io::{BufRead, BufReader};
 use std::path::Path;
-use std::process::{Command as Process, Stdio};
+use std::process::{Child, Command as Process, Stdio};
 
 use host::robot::Robot;
 use peer::{Doggy, Peer};
@@ -65,6 +65,24 @@ fn a_description_is_stored_and_runs_when_the_device_is_switched_on_again() {
     assert!(said.contains("doggy, firmware"), "{said}");
 }
 
+/// A running simulation, which does not outlive its test.
+struct Simulation(Child);
+
+impl Simulation {
+    fn end(mut self) {
+        let id = self.0.id().to_string();
+        assert!(Process::new("kill").args(["-INT", &id]).status().unwrap().success());
+        assert!(self.0.wait().unwrap().success());
+    }
+}
+
+impl Drop for Simulation {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
 /// A simulated robot behind a port of its own: pushed to twice while it runs, recorded after it was switched on again.
 #[test]
 fn a_robot_that_runs_takes_a_description_and_is_recorded_with_it_later() {
@@ -77,24 +95,19 @@ fn a_robot_that_runs_takes_a_description_and_is_recorded_with_it_later() {
         let mut simulation = simulation.stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
         let mut port = String::new();
         BufReader::new(simulation.stdout.as_mut().unwrap()).read_line(&mut port).unwrap();
-        (simulation, port.trim_end().to_owned())
-    };
-    let end = |mut simulation: std::process::Child| {
-        let id = simulation.id().to_string();
-        assert!(Process::new("kill").args(["-INT", &id]).status().unwrap().success());
-        assert!(simulation.wait().unwrap().success());
+        (Simulation(simulation), port.trim_end().to_owned())
     };
     let (simulation, port) = simulate();
     host(folder, &["robot", "push", "doggy", "--port", &port], 0);
     let said = host(folder, &["robot", "push", &robot, "--port", &port], 0);
     assert!(said.contains("description 1 (CRC-32") && said.contains("stored and does not run"), "{said}");
     assert!(said.contains("is stored as description 2"), "{said}");
-    end(simulation);
+    simulation.end();
     let (simulation, port) = simulate();
     let run = ["record", "--port", &port, "--robot", &robot, "--set-zero", "--motion", "validation", "-o", "run.mcap"];
     let said = host(folder, &run, 0);
     assert!(said.contains("neighbour, firmware") && said.contains(", 0 lost"), "{said}");
-    end(simulation);
+    simulation.end();
 }
 
 #[test]

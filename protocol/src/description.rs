@@ -130,16 +130,46 @@ impl Description {
     /// # Errors
     /// [`Unreadable`] if it follows another format or is cut off.
     pub fn decode(bytes: &[u8]) -> Result<Self, Unreadable> {
-        match postcard::take_from_bytes(bytes) {
-            Ok((description, [])) => Ok(description),
-            _ => Err(Unreadable),
-        }
+        let mut description = Self::default();
+        description.read(bytes)?;
+        Ok(description)
+    }
+
+    /// Takes the place of this one, as [`Self::decode`] and item by item: nothing larger than an item is on the stack beside
+    /// it.
+    ///
+    /// # Errors
+    /// [`Unreadable`]; what this one holds then is of no use.
+    pub fn read(&mut self, bytes: &[u8]) -> Result<(), Unreadable> {
+        // Postcard writes the fields one after the other, and the number of items before a list.
+        let (robot, rest) = postcard::take_from_bytes(bytes).map_err(|_| Unreadable)?;
+        self.robot = robot;
+        let rest = read_list(rest, &mut self.joints)?;
+        let rest = read_list(rest, &mut self.encoders)?;
+        let rest = read_list(rest, &mut self.gyros)?;
+        if rest.is_empty() { Ok(()) } else { Err(Unreadable) }
     }
 
     /// CRC-32 over its encoded bytes.
     pub fn crc(&self) -> u32 {
         crc32_of(&[], self)
     }
+}
+
+/// Reads a list item by item; gives the bytes behind it.
+fn read_list<'a, T: Deserialize<'a>, const N: usize>(
+    bytes: &'a [u8],
+    list: &mut Vec<T, N>,
+) -> Result<&'a [u8], Unreadable> {
+    list.clear();
+    let (items, mut rest) = postcard::take_from_bytes::<u32>(bytes).map_err(|_| Unreadable)?;
+    for _ in 0..items {
+        let (item, behind) = postcard::take_from_bytes(rest).map_err(|_| Unreadable)?;
+        // More items than there is room for end it.
+        list.push(item).map_err(|_| Unreadable)?;
+        rest = behind;
+    }
+    Ok(rest)
 }
 
 /// Bytes that are no description of this format.
@@ -368,7 +398,25 @@ mod tests {
     proptest! {
         #[test]
         fn any_bytes_are_survived(bytes in prop::collection::vec(any::<u8>(), 0..=MAX_DESCRIPTION_BYTES)) {
-            let _ = Description::decode(&bytes);
+            let as_a_whole = match postcard::take_from_bytes::<Description>(&bytes) {
+                Ok((description, [])) => Ok(description),
+                _ => Err(Unreadable),
+            };
+            prop_assert_eq!(format!("{:?}", Description::decode(&bytes)), format!("{as_a_whole:?}"));
+        }
+
+        /// Item by item reads what the derived code reads, also where bytes are changed.
+        #[test]
+        fn changed_bytes_are_read_alike(place in 0..784_usize, byte: u8) {
+            let mut bytes = [0; MAX_DESCRIPTION_BYTES];
+            let n = largest().encode(&mut bytes).unwrap();
+            bytes[place] = byte;
+            let as_a_whole = match postcard::take_from_bytes::<Description>(&bytes[..n]) {
+                Ok((description, [])) => Ok(description),
+                _ => Err(Unreadable),
+            };
+            // As text: not-a-number equals nothing.
+            prop_assert_eq!(format!("{:?}", Description::decode(&bytes[..n])), format!("{as_a_whole:?}"));
         }
     }
 }

@@ -103,6 +103,7 @@ fn checked(checksum: u32, hardware: &Hardware<'_>, bytes: &[u8]) -> Result<(), R
     if got != checksum {
         return Err(Refusal::Checksum { expected: checksum, got });
     }
-    let description = Description::decode(bytes).map_err(|_| Refusal::Unreadable)?;
+    let mut description = Description::default();
+    description.read(bytes).map_err(|_| Refusal::Unreadable)?;
     hardware.check(&description).map_err(Refusal::Description)
 }

@@ -81,8 +81,10 @@ pub fn doggy() -> Config {
         gyro(GYRO_PLACES[0], 0, [[-1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, -1.0, 0.0]], 0.184_447_12),
         gyro(GYRO_PLACES[1], 2, [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], 0.256_533_86),
     ];
-    match Config::new("doggy", &joints, &encoders, &gyros) {
-        Ok(config) => config,
+    // In place: a second one would be on the stack where it is deepest.
+    let mut config = Config::empty();
+    match config.put("doggy", &joints, &encoders, &gyros) {
+        Ok(()) => config,
         // Nothing here depends on an input: the test below builds it.
         Err(_) => unreachable!(),
     }

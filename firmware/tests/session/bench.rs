@@ -132,7 +132,8 @@ impl Bench {
 
     /// The board starts anew, with this in its flash.
     pub fn restart(&mut self, mut flash: RamFlash<Vec<u8>>) {
-        let config = HARDWARE.start(&mut flash, &mut Default::default(), firmware::robot::doggy);
+        let mut config = firmware::robot::doggy();
+        HARDWARE.start(&mut config, &mut flash, &mut Default::default());
         self.layout = config.layout();
         self.core = ControlCore::new(&config);
         self.flash = Some(flash);

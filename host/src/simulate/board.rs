@@ -129,7 +129,8 @@ impl Board {
     /// The firmware starts: with the description that is stored, or with the one that is built in.
     fn start_core(&mut self, reset: ResetReason) {
         let hardware = self.places.hardware();
-        let mut config = hardware.start(&mut self.flash.memory, &mut Bytes::new(), || self.built_in.clone());
+        let mut config = self.built_in.clone();
+        hardware.start(&mut config, &mut self.flash.memory, &mut Bytes::new());
         self.core = ControlCore::new(config.started_by(reset, None));
         self.running = config;
     }
