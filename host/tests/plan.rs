@@ -95,7 +95,7 @@ fn what_a_plan_for_an_effect_promises_holds() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     let plans = follow(folder.path(), 1);
-    assert!(plans.iter().all(|said| said.contains("standard errors (preset")), "{plans:?}");
+    assert!(plans.iter().all(|said| said.contains("standard errors (preset ")), "{plans:?}");
     let [promised, apart, second] = ["expected.json", "apart.json", "second.json"].map(|name| json(&at(name)));
     assert_eq!(promised["effects"], serde_json::json!(["load_friction"]));
     assert_eq!((&promised["for_parameters"], &apart["for_parameters"]), (&Value::Bool(false), &Value::Bool(false)));

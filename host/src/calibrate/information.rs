@@ -137,8 +137,8 @@ pub struct SizedCoordinate {
 pub enum About {
     /// The base model's dynamics.
     Dynamics,
-    /// How much there is of the law at this place of the list.
-    LawSize(usize),
+    /// How much there is of a law.
+    LawSize,
     /// How a law goes.
     LawShape,
     /// A gyro's mounting.
@@ -178,18 +178,14 @@ fn informed(problem: &Problem<'_>, robot: &Robot, point: &Point<'_>, laws: &[Siz
     let mut parameters = Vec::new();
     for (i, result) in told.into_iter().enumerate() {
         if i == base {
-            let of_law = |(place, law): (usize, &SizedLaw)| {
-                let about = move |c: &SizedCoordinate| if c.is_size { About::LawSize(place) } else { About::LawShape };
-                let sized = move |c: &SizedCoordinate| Informed {
-                    name: c.name.clone(),
-                    unit: c.unit,
-                    value: c.typical,
-                    size: c.typical.abs(),
-                    about: about(c),
-                };
-                law.coordinates.iter().map(sized).collect::<Vec<_>>()
+            let sized = |c: &SizedCoordinate| Informed {
+                name: c.name.clone(),
+                unit: c.unit,
+                value: c.typical,
+                size: c.typical.abs(),
+                about: if c.is_size { About::LawSize } else { About::LawShape },
             };
-            parameters.extend(laws.iter().enumerate().flat_map(of_law));
+            parameters.extend(laws.iter().flat_map(|law| &law.coordinates).map(sized));
         }
         match i {
             i if i < base => {

@@ -196,15 +196,17 @@ fn say(plan: &Plan, ui: &Ui) {
         ));
     }
     for p in &plan.sizes {
-        let in_errors = |error: Option<f64>| error.map_or(0.0, |error| (p.value / error).abs());
+        let seen = |error: Option<f64>| {
+            error.map_or("not seen".to_owned(), |error| format!("{:.1} standard errors", (p.value / error).abs()))
+        };
         let ratio = p.ratio.map_or(f64::NAN, |ratio| ratio.powi(-2));
         ui.say(format_args!(
-            "  {:<28} typically {:.3e} {}, {:.1} standard errors (preset {:.1}): information × {ratio:.2}",
+            "  {:<28} typically {:.3e} {}, {} (preset {}): information × {ratio:.2}",
             p.name,
             p.value,
             p.unit,
-            in_errors(p.std_error),
-            in_errors(p.preset_std_error),
+            seen(p.std_error),
+            seen(p.preset_std_error),
         ));
     }
     for p in &plan.parameters {

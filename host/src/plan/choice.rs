@@ -37,7 +37,7 @@ impl Goal {
     fn counts(self, about: About) -> bool {
         match about {
             About::Dynamics => self.parameters,
-            About::LawSize(_) => self.laws,
+            About::LawSize => self.laws,
             About::LawShape | About::Mounting | About::Bias => false,
         }
     }

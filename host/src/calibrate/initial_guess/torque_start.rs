@@ -8,8 +8,9 @@
 use nalgebra::DMatrix;
 
 use crate::calibrate::data::series::Series;
+use crate::calibrate::residuals::robot_scale::Drive;
 use crate::inverse_dynamics::{self, Cornered, Identified, Readings, SHORTEST_RUN};
-use crate::model::{Coordinate, Model};
+use crate::model::Model;
 use crate::robot::{ChannelKind, Robot};
 
 /// What the torques show.
@@ -58,20 +59,15 @@ pub(crate) fn of(model: &Model, robot: &Robot, series: &Series) -> Option<Torque
             .collect();
         if impossible.is_empty() {
             let missing = motion.missing_scale(&exact, &z);
-            let constants: Vec<Constant> =
-                (0..layout.joints()).map(|joint| Constant::of(model, robot, joint)).collect();
+            let drives: Vec<Drive> = (0..layout.joints()).map(|joint| Drive::of(robot, model, joint)).collect();
             let known = motion.missing_scale(&exact, &vec![0.0; z.len()]);
-            let is_scaled =
-                |joint: usize| matches!(constants[joint], Constant::Known(_)) || known[joint] > missing[joint];
+            let is_scaled = |joint: usize| matches!(drives[joint], Drive::Known(_)) || known[joint] > missing[joint];
             if !(0..layout.joints()).all(is_scaled) {
                 return None;
             }
-            let per_input = |joint: usize| match constants[joint] {
-                Constant::Known(value) => robot.input.scale * value,
-                Constant::Free(coordinate) => robot.input.scale * z[coordinate],
-            };
-            let left = missing.into_iter().enumerate();
-            let left: Vec<f64> = left.map(|(joint, torque)| torque / per_input(joint).abs()).collect();
+            // A rigid robot's coordinates are its parameters.
+            let left = missing.into_iter().zip(&drives);
+            let left: Vec<f64> = left.map(|(torque, drive)| torque / drive.per_input(&z)).collect();
             // Beside what is held at an impossible place the others have no errors that could be compared.
             let told = |value: f64| if value.is_finite() && held.is_empty() { value } else { 0.0 };
             let covariance = covariance.map(told);
@@ -80,25 +76,6 @@ pub(crate) fn of(model: &Model, robot: &Robot, series: &Series) -> Option<Torque
             return Some(TorqueStart { z, covariance, corner_hz, left });
         }
         held.extend(impossible);
-    }
-}
-
-/// The torque of one unit of input before its scale.
-enum Constant {
-    /// It is known, N m or N.
-    Known(f64),
-    /// It is this coordinate.
-    Free(usize),
-}
-
-impl Constant {
-    fn of(model: &Model, robot: &Robot, joint: usize) -> Self {
-        let Some(symbol) = robot.input.unit.torque_constant() else { return Self::Known(1.0) };
-        let is_its = |c: &Coordinate| c.spec.symbol == symbol && c.spec.joints.contains(&joint);
-        match model.coordinates().iter().position(is_its) {
-            Some(coordinate) => Self::Free(coordinate),
-            None => Self::Known(robot.joint_parameter(symbol, joint).map_or(1.0, |spec| spec.value.start)),
-        }
     }
 }
 

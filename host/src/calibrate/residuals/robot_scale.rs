@@ -36,26 +36,38 @@ pub(crate) struct RobotScale {
 
 /// Where the torque of one unit of input comes from.
 #[derive(Debug, Clone, Copy)]
-enum Drive {
+pub(crate) enum Drive {
     /// It is known, N m or N.
     Known(f64),
     /// This coordinate of the dynamics, times this.
     Free(usize, f64),
 }
 
+impl Drive {
+    pub(crate) fn of(robot: &Robot, model: &Model, joint: usize) -> Self {
+        let Some(symbol) = robot.input.unit.torque_constant() else { return Drive::Known(1.0) };
+        let is = |c: &Coordinate| c.spec.symbol == symbol && c.spec.joints.contains(&joint);
+        match model.coordinates().iter().position(is) {
+            Some(free) => Drive::Free(free, robot.input.scale),
+            None => {
+                let known = robot.joint_parameter(symbol, joint).map_or(1.0, |spec| spec.value.start.abs());
+                Drive::Known(known * robot.input.scale)
+            }
+        }
+    }
+
+    /// Torque of one unit of input, without its sign, where the dynamics have these physical values.
+    pub(crate) fn per_input(self, physical: &[f64]) -> f64 {
+        match self {
+            Drive::Known(torque) => torque,
+            Drive::Free(i, scale) => physical[i].abs() * scale,
+        }
+    }
+}
+
 impl RobotScale {
     pub(crate) fn of(robot: &Robot, model: &Model) -> Self {
-        let drive = |joint: usize| {
-            let Some(symbol) = robot.input.unit.torque_constant() else { return Drive::Known(1.0) };
-            let is = |c: &Coordinate| c.spec.symbol == symbol && c.spec.joints.contains(&joint);
-            match model.coordinates().iter().position(is) {
-                Some(free) => Drive::Free(free, robot.input.scale),
-                None => {
-                    let known = robot.joint_parameter(symbol, joint).map_or(1.0, |spec| spec.value.start.abs());
-                    Drive::Known(known * robot.input.scale)
-                }
-            }
-        };
+        let drive = |joint: usize| Drive::of(robot, model, joint);
         let gravity = robot.gravity_m_s2.iter().map(|g| g * g).sum::<f64>().sqrt();
         let rigid = robot.joints.iter().all(|joint| joint.transmission == Transmission::Rigid);
         RobotScale { gravity, drives: (0..robot.joints.len()).map(drive).collect(), rigid }
@@ -79,13 +91,9 @@ impl RobotScale {
     pub(crate) fn sizes(&self, model: &Model, series: &Series, point: &Point<'_>) -> Vec<f64> {
         let coordinates = model.coordinates();
         let physical = coordinates.to_physical(&point.z);
-        let per_input = |drive: &Drive| match *drive {
-            Drive::Known(torque) => torque,
-            Drive::Free(i, scale) => physical[i].abs() * scale,
-        };
         let motions = self.drives.iter().enumerate();
         let motions: Vec<Motion> =
-            motions.map(|(i, drive)| motion(model, series, point, (i, per_input(drive)))).collect();
+            motions.map(|(i, drive)| motion(model, series, point, (i, drive.per_input(&physical)))).collect();
         let of = |(i, coordinate): (usize, &Coordinate)| {
             let joints = &coordinate.spec.joints;
             let over =
