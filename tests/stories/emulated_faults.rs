@@ -5,7 +5,7 @@
 use host::link::{self, LinkError};
 use host::simulate::Fault;
 use protocol::{Hello, ResetReason};
-use tests::machine::{Emulated, Log, Mishap, Options, REACH, Recorded, SWING, What};
+use tests::machine::{Emulated, FaultKind, Log, Options, REACH, Recorded, SWING, TimedFault};
 
 /// Ticks after the start of the motion.
 const AT: u32 = 400;
@@ -18,14 +18,17 @@ struct Stopped {
 }
 
 impl Stopped {
-    /// Records the short motion with this mishap, which must end it.
-    fn by(what: What) -> Self {
-        Self::of(SWING, what)
+    /// Records the short motion with this fault, which must end it.
+    fn by(kind: FaultKind) -> Self {
+        Self::of(SWING, kind)
     }
 
-    /// Records this motion with this mishap, which must end it.
-    fn of(motion: &str, what: What) -> Self {
-        Self::record(motion, Options { seed: 5, mishaps: vec![Mishap { at: AT, what }], ..Options::default() })
+    /// Records this motion with this fault, which must end it.
+    fn of(motion: &str, kind: FaultKind) -> Self {
+        Self::record(
+            motion,
+            Options { seed: 5, machine_faults: vec![TimedFault { at: AT, kind }], ..Options::default() },
+        )
     }
 
     fn record(motion: &str, options: Options) -> Self {
@@ -95,57 +98,57 @@ fn heartbeats_that_stay_away_stop_the_motion() {
 /// Nonsense on a full line is no heartbeat.
 #[test]
 fn nonsense_in_a_motion_is_no_sign_of_life() {
-    Stopped::by(What::Nonsense).told("the host's heartbeats stayed away", 38..=101);
+    Stopped::by(FaultKind::Nonsense).told("the host's heartbeats stayed away", 38..=101);
 }
 
 #[test]
 fn an_emergency_stop_acts_within_its_tick() {
-    Stopped::by(What::EmergencyStop).told("emergency stop", 0..=0);
+    Stopped::by(FaultKind::EmergencyStop).told("emergency stop", 0..=0);
 }
 
 #[test]
 fn a_supply_that_breaks_down_stops_the_motors_within_its_tick() {
-    Stopped::by(What::BrownOut).told("the supply is too low", 0..=0);
+    Stopped::by(FaultKind::BrownOut).told("the supply is too low", 0..=0);
 }
 
 /// The third tick without a reading is one too many.
 #[test]
 fn a_dead_gyro_stops_the_motion_in_the_third_tick() {
-    Stopped::by(What::Gyro1Dead).told("gyro 1 does not answer", 2..=2);
+    Stopped::by(FaultKind::Gyro1Dead).told("gyro 1 does not answer", 2..=2);
 }
 
 /// Its noise moves the words of a gyro that lives; 50 repeats never happen.
 #[test]
 fn a_gyro_that_repeats_itself_stops_the_motion() {
-    Stopped::by(What::Gyro2Stuck).told("gyro 2 is stuck at one reading", 50..=50);
+    Stopped::by(FaultKind::Gyro2Stuck).told("gyro 2 is stuck at one reading", 50..=50);
 }
 
 #[test]
 fn a_bus_that_hangs_stops_the_motion_in_the_third_tick() {
-    Stopped::by(What::I2cHangs).told("the bus of gyro 2 hangs", 2..=2);
+    Stopped::by(FaultKind::I2cHangs).told("the bus of gyro 2 hangs", 2..=2);
 }
 
 /// 1000 counts are 0.15 rad in a millisecond.
 #[test]
 fn an_encoder_that_jumps_stops_the_motion_within_its_tick() {
-    Stopped::by(What::EncoderJumps { motor: 1, counts: 1000 }).told("encoder 2 jumped", 0..=0);
+    Stopped::by(FaultKind::EncoderJumps { motor: 1, counts: 1000 }).told("encoder 2 jumped", 0..=0);
 }
 
 /// At a duty of at most 0.4 a push of 13.5 ms takes 40 ms and more, and the swing turns after 250.
 #[test]
 fn an_encoder_with_an_open_phase_stops_the_motion() {
-    Stopped::by(What::OpenPhase { motor: 0 }).told("encoder 1 is stuck", 30..=250);
+    Stopped::by(FaultKind::OpenPhase { motor: 0 }).told("encoder 1 is stuck", 30..=250);
 }
 
 /// A slow move at a duty of 0.15.
 #[test]
 fn an_encoder_with_an_open_phase_stops_a_slow_move() {
-    Stopped::of(REACH, What::OpenPhase { motor: 1 }).told("encoder 2 is stuck", 140..=160);
+    Stopped::of(REACH, FaultKind::OpenPhase { motor: 1 }).told("encoder 2 is stuck", 140..=160);
 }
 
 #[test]
 fn an_encoder_that_counts_backwards_stops_a_slow_move() {
-    let backwards = What::Counts { motor: 1, halves: -2 };
+    let backwards = FaultKind::Counts { motor: 1, halves: -2 };
     // The gyro sees the difference of both speeds before the push against the duty is long enough.
     Stopped::of(REACH, backwards).told("gyro 2 measures another rotation than the encoders", 80..=150);
 }
@@ -159,19 +162,19 @@ fn a_motor_with_swapped_leads_goes_against_its_duty() {
 /// Half of the steps at half a radian a second: a tenth of a radian and more after half a second.
 #[test]
 fn an_encoder_that_counts_half_is_told_by_the_gyro() {
-    let half = What::Counts { motor: 1, halves: 1 };
+    let half = FaultKind::Counts { motor: 1, halves: 1 };
     Stopped::of(REACH, half).told("gyro 2 measures another rotation than the encoders", 300..=900);
 }
 
 /// The tick after the one that ran too long stops.
 #[test]
 fn a_tick_that_overruns_its_period_stops_the_motion() {
-    Stopped::by(What::Overrun(1300)).told("the control loop overran its period", 1..=1);
+    Stopped::by(FaultKind::Overrun(1300)).told("the control loop overran its period", 1..=1);
 }
 
 #[test]
 fn a_panic_lets_go_of_the_motors_and_its_place_is_told() {
-    let (stopped, hello) = Stopped::by(What::Panic).hello();
+    let (stopped, hello) = Stopped::by(FaultKind::Panic).hello();
     assert_eq!(hello.reset, ResetReason::Panic);
     let place = hello.panic.expect("the place survived the reset");
     assert!(place.file.ends_with("board/emulated/line.rs") && place.line > 1, "{place:?}");
@@ -182,7 +185,7 @@ fn a_panic_lets_go_of_the_motors_and_its_place_is_told() {
 /// The stack lies at the bottom of the RAM: the processor locks up, nothing is overwritten, and the watchdog resets it.
 #[test]
 fn a_stack_that_overflows_ends_in_a_reset() {
-    let (stopped, hello) = Stopped::by(What::StackOverflows).hello();
+    let (stopped, hello) = Stopped::by(FaultKind::StackOverflows).hello();
     assert_eq!((hello.reset, hello.panic), (ResetReason::Watchdog, None));
     let log = stopped.told("restarted (watchdog", 0..=0);
     assert_eq!(log.starts, [ResetReason::PowerOn, ResetReason::Watchdog]);
@@ -191,7 +194,7 @@ fn a_stack_that_overflows_ends_in_a_reset() {
 /// The drivers are enabled from the start of the motion on, and let go half a second after a stop.
 #[test]
 fn drivers_are_enabled_for_a_motion_only() {
-    let stopped = Stopped::by(What::EmergencyStop);
+    let stopped = Stopped::by(FaultKind::EmergencyStop);
     let periods = stopped.machine.so_far(|log| log.periods.len());
     wait_for(&stopped.machine, periods + 600);
     let log = stopped.told("emergency stop", 0..=0);
@@ -217,7 +220,7 @@ fn a_gyro_that_comes_late_is_set_up_from_idle() {
 /// The tick bears with a task for 10 ticks, then the watchdog is fed no more and bites after 16.
 #[test]
 fn a_task_that_hangs_is_found_by_the_watchdog() {
-    let (stopped, hello) = Stopped::by(What::TelemetryHangs).hello();
+    let (stopped, hello) = Stopped::by(FaultKind::TelemetryHangs).hello();
     assert_eq!((hello.reset, hello.panic), (ResetReason::Watchdog, None));
     let log = stopped.told("restarted (watchdog", 26..=26);
     assert_eq!(log.starts, [ResetReason::PowerOn, ResetReason::Watchdog]);

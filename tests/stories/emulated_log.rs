@@ -1,7 +1,7 @@
 //! What the machine code in the emulator says of itself: its log, and how it started.
 
 use host::recording::{self, LogLevel, Recording};
-use tests::machine::{Emulated, Mishap, Options, Recorded, SWING, What, image};
+use tests::machine::{Emulated, FaultKind, Options, Recorded, SWING, TimedFault, image};
 use tests::run_host;
 
 /// Recordings that are begun until the robot rests.
@@ -40,8 +40,8 @@ fn the_log_of_the_machine_code_is_shown_and_kept() {
 
 #[test]
 fn a_panic_is_told_at_once_and_in_the_next_recording() {
-    let mishaps = vec![Mishap { at: 400, what: What::Panic }];
-    let machine = Emulated::start(&Options { seed: 5, mishaps, ..Options::default() });
+    let machine_faults = vec![TimedFault { at: 400, kind: FaultKind::Panic }];
+    let machine = Emulated::start(&Options { seed: 5, machine_faults, ..Options::default() });
     let told = "warning: the device was restarted by a panic of the firmware at ";
 
     let (Recorded { code, said, .. }, _) = record(&machine);

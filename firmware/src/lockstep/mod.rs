@@ -31,7 +31,7 @@ mod bytes;
 mod tick;
 
 use bytes::{Reader, Writer};
-pub use tick::{I2C_BURST, Ordeal, PINS_BROWN_OUT, PINS_EMERGENCY_STOP, SPI_BURST, Sensors, Tick};
+pub use tick::{I2C_BURST, InjectedFault, PINS_BROWN_OUT, PINS_EMERGENCY_STOP, SPI_BURST, Sensors, Tick};
 
 /// The FIFO from the board to the world, in the emulator's working folder.
 pub const TO_WORLD: &str = "to_world";

@@ -40,24 +40,24 @@ fn request() -> impl Strategy<Value = Request> {
 }
 
 fn sensors() -> impl Strategy<Value = Sensors> {
-    let ordeal = prop_oneof![
-        Just(Ordeal::None),
-        any::<u16>().prop_map(Ordeal::Delay),
-        Just(Ordeal::PanicInCommands),
-        Just(Ordeal::TelemetryHangs),
-        Just(Ordeal::Halt),
-        Just(Ordeal::StackOverflows),
+    let injected = prop_oneof![
+        Just(InjectedFault::None),
+        any::<u16>().prop_map(InjectedFault::Delay),
+        Just(InjectedFault::PanicInCommands),
+        Just(InjectedFault::TelemetryHangs),
+        Just(InjectedFault::Halt),
+        Just(InjectedFault::StackOverflows),
     ];
     let bursts = any::<(Option<[u8; 10]>, Option<[u8; 16]>, [Option<u16>; GYROS])>();
     let host = prop::collection::vec(any::<u8>(), 0..=MAX_HOST_BYTES);
-    (any::<[u16; MOTORS]>(), bursts, any::<u8>(), ordeal, host).prop_map(
-        |(counters, (spi, i2c, ready_us), pins, ordeal, host)| Sensors {
+    (any::<[u16; MOTORS]>(), bursts, any::<u8>(), injected, host).prop_map(
+        |(counters, (spi, i2c, ready_us), pins, injected, host)| Sensors {
             counters,
             spi,
             i2c,
             ready_us,
             pins,
-            ordeal,
+            injected,
             host: heapless::Vec::from_slice(&host).unwrap(),
         },
     )
@@ -134,7 +134,7 @@ fn the_bytes_are_those_of_the_tables() {
         spi: Some([4; 10]),
         ready_us: [Some(0x0605), None],
         pins: PINS_BROWN_OUT,
-        ordeal: Ordeal::Delay(258),
+        injected: InjectedFault::Delay(258),
         host: heapless::Vec::from_slice(&[9, 8]).unwrap(),
         ..Sensors::default()
     };

@@ -46,7 +46,7 @@ pub struct Tick {
 ///
 /// ```text
 ///    0         6       7         17      18        34         40    41      42       44     45
-///   │counters │SPI ok │answer   │I²C ok │answer   │ready     │pins │ordeal│by      │count │bytes from the host …
+///   │counters │SPI ok │answer   │I²C ok │answer   │ready     │pins │inject│by      │count │bytes from the host …
 ///   │3×u16    │bool   │10 bytes │bool   │16 bytes │2×bool,u16│     │      │u16     │      │
 /// ```
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -62,16 +62,16 @@ pub struct Sensors {
     pub ready_us: [Option<u16>; GYROS],
     /// [`PINS_EMERGENCY_STOP`], [`PINS_BROWN_OUT`].
     pub pins: u8,
-    /// What befalls the processor.
-    pub ordeal: Ordeal,
+    /// What is done to the processor.
+    pub injected: InjectedFault,
     /// What the host sent in the period before.
     pub host: heapless::Vec<u8, MAX_HOST_BYTES>,
 }
 
-/// What befalls the processor in this tick. A real board has nothing like it; it is how tests bring about what the
+/// What is done to the processor in this tick. A real board has nothing like it; it is how tests bring about what the
 /// firmware must survive.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Ordeal {
+pub enum InjectedFault {
     /// Nothing.
     #[default]
     None,
@@ -134,15 +134,15 @@ impl Sensors {
         for ready in self.ready_us {
             w.optional(ready.map(u16::to_le_bytes))?;
         }
-        let (ordeal, by) = match self.ordeal {
-            Ordeal::None => (0, 0),
-            Ordeal::Delay(us) => (1, us),
-            Ordeal::PanicInCommands => (2, 0),
-            Ordeal::TelemetryHangs => (3, 0),
-            Ordeal::Halt => (4, 0),
-            Ordeal::StackOverflows => (5, 0),
+        let (injected, by) = match self.injected {
+            InjectedFault::None => (0, 0),
+            InjectedFault::Delay(us) => (1, us),
+            InjectedFault::PanicInCommands => (2, 0),
+            InjectedFault::TelemetryHangs => (3, 0),
+            InjectedFault::Halt => (4, 0),
+            InjectedFault::StackOverflows => (5, 0),
         };
-        w.put([self.pins, ordeal])?;
+        w.put([self.pins, injected])?;
         w.put(u16::to_le_bytes(by))?;
         // At most MAX_HOST_BYTES.
         w.put([self.host.len() as u8])?;
@@ -165,16 +165,16 @@ impl Sensors {
         for ready in &mut sensors.ready_us {
             *ready = r.optional()?.map(u16::from_le_bytes);
         }
-        let [pins, ordeal] = r.take()?;
+        let [pins, injected] = r.take()?;
         let by = u16::from_le_bytes(r.take()?);
         sensors.pins = pins;
-        sensors.ordeal = match ordeal {
-            0 => Ordeal::None,
-            1 => Ordeal::Delay(by),
-            2 => Ordeal::PanicInCommands,
-            3 => Ordeal::TelemetryHangs,
-            4 => Ordeal::Halt,
-            5 => Ordeal::StackOverflows,
+        sensors.injected = match injected {
+            0 => InjectedFault::None,
+            1 => InjectedFault::Delay(by),
+            2 => InjectedFault::PanicInCommands,
+            3 => InjectedFault::TelemetryHangs,
+            4 => InjectedFault::Halt,
+            5 => InjectedFault::StackOverflows,
             _ => return Err(Malformed),
         };
         let [count] = r.take()?;

@@ -4,15 +4,16 @@ use std::collections::VecDeque;
 use std::sync::{Arc, Mutex};
 
 use firmware::lockstep::{
-    Answer, Kind, MAX_HOST_BYTES, MAX_MESSAGE, MOTORS, Malformed, Ordeal, Request, Sensors, Started, Tick, Transfer,
+    Answer, InjectedFault, Kind, MAX_HOST_BYTES, MAX_MESSAGE, MOTORS, Malformed, Request, Sensors, Started, Tick,
+    Transfer,
 };
 use firmware::wiring::reset;
 use host::simulate::{Microcontroller, SimulateError, World};
 use protocol::{Duty, Layout, State};
 
-use super::ear::Ear;
+use super::fault::FaultScript;
+use super::line_monitor::LineMonitor;
 use super::log::{Log, Period};
-use super::mishap::Mishaps;
 use super::qemu::Qemu;
 use super::{Options, image};
 
@@ -31,8 +32,8 @@ const SOFTWARE: u32 = 1 << 28 | 1 << 26;
 pub(super) struct Machine {
     qemu: Qemu,
     world: World,
-    ear: Ear,
-    mishaps: Mishaps,
+    line: LineMonitor,
+    faults: FaultScript,
     log: Arc<Mutex<Log>>,
     start_tick: Option<u32>,
     /// The noise of the motion has begun.
@@ -65,8 +66,8 @@ impl Machine {
         Self {
             qemu: Qemu::start(image()).expect("the emulator can be started"),
             world,
-            ear: Ear::new(Layout::DOGGY),
-            mishaps: Mishaps::new(options.mishaps.clone()),
+            line: LineMonitor::new(Layout::DOGGY),
+            faults: FaultScript::new(options.machine_faults.clone()),
             log,
             start_tick: options.start_tick,
             in_noise: false,
@@ -144,7 +145,7 @@ impl Machine {
         self.with_log(|log| log.periods.iter_mut().last().map(|period| period.stopped = true));
         self.world.pass(&[0.0; MOTORS]);
         self.hear_usart()?;
-        self.ear.cut();
+        self.line.cut();
         (self.seq, self.unfed) = (0, 0);
         let (asked, start_up_s) = self.answer_start()?;
         self.world.restart(start_up_s);
@@ -227,13 +228,13 @@ impl Machine {
             ..Sensors::default()
         };
         if let Some(ticks) = self.motion_ticks() {
-            self.mishaps.befall(ticks, &mut sensors);
+            self.faults.inject(ticks, &mut sensors);
         }
         // The first exchange comes before the first tick, which feeds.
         self.unfed = if tick.fed || self.seq == 0 { 0 } else { self.unfed + 1 };
         self.bite |= self.unfed >= WATCHDOG_TICKS;
         if self.bite {
-            sensors.ordeal = Ordeal::Halt;
+            sensors.injected = InjectedFault::Halt;
         }
         sensors
     }
@@ -242,7 +243,7 @@ impl Machine {
     fn begin_noise(&mut self) {
         let begins = match self.start_tick {
             Some(tick) => self.seq == tick,
-            None => self.ear.motion_seq.is_some(),
+            None => self.line.motion_seq.is_some(),
         };
         if begins && !self.in_noise {
             self.in_noise = true;
@@ -253,11 +254,11 @@ impl Machine {
     /// Ticks since the first one of the motion, in the first life of the processor.
     fn motion_ticks(&self) -> Option<u32> {
         let lives = self.with_log(|log| log.starts.len());
-        self.ear.motion_seq.filter(|_| lives == 1).and_then(|start| self.seq.checked_sub(start))
+        self.line.motion_seq.filter(|_| lives == 1).and_then(|start| self.seq.checked_sub(start))
     }
 
     fn note(&self, period: Period) {
-        let (seq, motion_seq) = (period.seq, self.ear.motion_seq);
+        let (seq, motion_seq) = (period.seq, self.line.motion_seq);
         self.with_log(|log| {
             log.periods.push(period);
             if log.motion.is_none()
@@ -271,7 +272,7 @@ impl Machine {
     fn hear_usart(&mut self) -> Result<(), String> {
         let mut sent = Vec::new();
         self.qemu.sent(&mut sent)?;
-        self.ear.device_says(&sent);
+        self.line.device_says(&sent);
         self.with_log(|log| log.sent.extend_from_slice(&sent));
         self.to_host.extend(sent);
         Ok(())
@@ -299,7 +300,7 @@ impl Microcontroller for Machine {
     }
 
     fn receive(&mut self, bytes: &[u8]) {
-        self.ear.host_says(bytes);
+        self.line.host_says(bytes);
         self.from_host.extend(bytes);
     }
 
@@ -310,7 +311,7 @@ impl Microcontroller for Machine {
     }
 
     fn state(&self) -> State {
-        self.ear.state
+        self.line.state
     }
 
     fn layout(&self) -> Layout {

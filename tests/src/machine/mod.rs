@@ -20,10 +20,10 @@
 //! A slow or busy PC makes the machine slower and changes nothing else; no test looks at a clock on the wall.
 
 mod controller;
-mod ear;
+mod fault;
 pub mod image;
+mod line_monitor;
 mod log;
-mod mishap;
 mod qemu;
 pub mod replay;
 
@@ -38,9 +38,9 @@ use tempfile::TempDir;
 
 use crate::host;
 use controller::Machine;
+pub use fault::{FaultKind, TimedFault};
 pub use image::image;
 pub use log::{Log, Period};
-pub use mishap::{Mishap, What};
 
 /// A motion of two seconds with a duty on some motor in nearly every tick: what stops it can be measured at once.
 pub const SWING: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/src/machine/swing.toml");
@@ -56,7 +56,7 @@ pub struct Options {
     /// The tick in which the motion starts, if it is known beforehand; from it on a recording depends on the seed only.
     pub start_tick: Option<u32>,
     /// What goes wrong at the pins and in the processor.
-    pub mishaps: Vec<Mishap>,
+    pub machine_faults: Vec<TimedFault>,
     /// What goes wrong on the line.
     pub faults: Vec<Fault>,
     /// Gyros convert when they are read and do not filter, though the image tells of real ones.

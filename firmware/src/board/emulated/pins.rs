@@ -7,7 +7,7 @@ use firmware::constants::TICK_US;
 use firmware::driver::{
     BMI323_RATE_HZ, BMI323_READ_US, Bmi323, ICM42688P_RATE_HZ, ICM42688P_READ_US, Icm42688p, QuadratureCounter,
 };
-use firmware::lockstep::{Kind, MOTORS, Ordeal, PINS_BROWN_OUT, PINS_EMERGENCY_STOP, Request, Sensors, Tick};
+use firmware::lockstep::{InjectedFault, Kind, MOTORS, PINS_BROWN_OUT, PINS_EMERGENCY_STOP, Request, Sensors, Tick};
 use firmware::wiring::absence::Absence;
 use firmware::wiring::data_ready::DataReady;
 use firmware::{GyroInput, Inputs, Outputs, wiring};
@@ -111,12 +111,12 @@ impl wiring::Pins for Pins {
         self.arrived.put(&self.sensors.host);
         self.stack_bytes = stack::deepest_bytes();
         let exchange_cycles = exchange_began.cycles();
-        match self.sensors.ordeal {
-            Ordeal::None | Ordeal::Delay(_) => {}
-            Ordeal::PanicInCommands => line::panic_in_commands(),
-            Ordeal::StackOverflows => line::overflow_in_commands(),
-            Ordeal::TelemetryHangs => line::hang_in_telemetry(),
-            Ordeal::Halt => halt(),
+        match self.sensors.injected {
+            InjectedFault::None | InjectedFault::Delay(_) => {}
+            InjectedFault::PanicInCommands => line::panic_in_commands(),
+            InjectedFault::StackOverflows => line::overflow_in_commands(),
+            InjectedFault::TelemetryHangs => line::hang_in_telemetry(),
+            InjectedFault::Halt => halt(),
         }
         NVIC::pend(Interrupt::TIM5);
         self.begin_cycles = began.cycles().saturating_sub(exchange_cycles);
@@ -150,7 +150,7 @@ impl wiring::Pins for Pins {
                 let _ = self.exchange.lost.enqueue(bus);
             }
         }
-        if let Ordeal::Delay(us) = self.sensors.ordeal {
+        if let InjectedFault::Delay(us) = self.sensors.injected {
             clock::spin_us(us);
         }
         inputs

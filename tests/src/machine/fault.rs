@@ -1,6 +1,6 @@
 //! What goes wrong at the pins and in the processor.
 
-use firmware::lockstep::{I2C_BURST, Ordeal, PINS_BROWN_OUT, PINS_EMERGENCY_STOP, Sensors};
+use firmware::lockstep::{I2C_BURST, InjectedFault, PINS_BROWN_OUT, PINS_EMERGENCY_STOP, Sensors};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -9,16 +9,16 @@ const LINE_BYTES: usize = 92;
 
 /// Something that goes wrong in a tick of the motion.
 #[derive(Debug, Clone, Copy)]
-pub struct Mishap {
+pub struct TimedFault {
     /// Ticks after the first one of the motion.
     pub at: u32,
-    /// What.
-    pub what: What,
+    /// Which one.
+    pub kind: FaultKind,
 }
 
 /// What can go wrong.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum What {
+pub enum FaultKind {
     /// The emergency stop is pressed, and stays so.
     EmergencyStop,
     /// The supply breaks down, for good.
@@ -60,59 +60,59 @@ pub enum What {
     StackOverflows,
 }
 
-/// What befalls a machine, and what of it has begun.
+/// The faults of a recording, and what of them has begun.
 #[derive(Debug)]
-pub(super) struct Mishaps {
-    script: Vec<Mishap>,
+pub(super) struct FaultScript {
+    script: Vec<TimedFault>,
     frozen: Option<[u8; I2C_BURST]>,
     /// Where the counter of a broken encoder stood.
     counter: Option<u16>,
     nonsense: ChaCha8Rng,
 }
 
-impl Mishaps {
-    pub fn new(script: Vec<Mishap>) -> Self {
+impl FaultScript {
+    pub fn new(script: Vec<TimedFault>) -> Self {
         Self { script, frozen: None, counter: None, nonsense: ChaCha8Rng::seed_from_u64(0) }
     }
 
     /// Changes what the pins show `ticks` after the first tick of the motion.
-    pub fn befall(&mut self, ticks: u32, sensors: &mut Sensors) {
-        for Mishap { at, what } in &self.script {
+    pub fn inject(&mut self, ticks: u32, sensors: &mut Sensors) {
+        for TimedFault { at, kind } in &self.script {
             if ticks < *at {
                 continue;
             }
-            let once = |ordeal| if ticks == *at { ordeal } else { Ordeal::None };
-            match *what {
-                What::EmergencyStop => sensors.pins |= PINS_EMERGENCY_STOP,
-                What::BrownOut => sensors.pins |= PINS_BROWN_OUT,
-                What::Gyro1Dead => sensors.spi = sensors.spi.map(|_| Default::default()),
-                What::Gyro2Stuck => {
+            let once = |injected| if ticks == *at { injected } else { InjectedFault::None };
+            match *kind {
+                FaultKind::EmergencyStop => sensors.pins |= PINS_EMERGENCY_STOP,
+                FaultKind::BrownOut => sensors.pins |= PINS_BROWN_OUT,
+                FaultKind::Gyro1Dead => sensors.spi = sensors.spi.map(|_| Default::default()),
+                FaultKind::Gyro2Stuck => {
                     self.frozen = self.frozen.or(sensors.i2c);
                     sensors.i2c = self.frozen;
                 }
-                What::I2cHangs => sensors.i2c = None,
-                What::EncoderJumps { motor, counts } => {
+                FaultKind::I2cHangs => sensors.i2c = None,
+                FaultKind::EncoderJumps { motor, counts } => {
                     sensors.counters[motor] = sensors.counters[motor].wrapping_add(counts);
                 }
-                What::OpenPhase { motor } => {
+                FaultKind::OpenPhase { motor } => {
                     let counter = &mut sensors.counters[motor];
                     *counter = self.counter.get_or_insert(*counter).wrapping_add(*counter & 1);
                 }
-                What::Counts { motor, halves } => {
+                FaultKind::Counts { motor, halves } => {
                     let counter = &mut sensors.counters[motor];
                     let base = *self.counter.get_or_insert(*counter);
                     let steps = i32::from(counter.wrapping_sub(base) as i16) * i32::from(halves) / 2;
                     *counter = base.wrapping_add(steps as u16);
                 }
-                What::Overrun(us) => sensors.ordeal = once(Ordeal::Delay(us)),
-                What::Nonsense => {
+                FaultKind::Overrun(us) => sensors.injected = once(InjectedFault::Delay(us)),
+                FaultKind::Nonsense => {
                     let mut bytes = [0; LINE_BYTES];
                     self.nonsense.fill(&mut bytes);
                     sensors.host = bytes.into_iter().collect();
                 }
-                What::Panic => sensors.ordeal = once(Ordeal::PanicInCommands),
-                What::StackOverflows => sensors.ordeal = once(Ordeal::StackOverflows),
-                What::TelemetryHangs => sensors.ordeal = once(Ordeal::TelemetryHangs),
+                FaultKind::Panic => sensors.injected = once(InjectedFault::PanicInCommands),
+                FaultKind::StackOverflows => sensors.injected = once(InjectedFault::StackOverflows),
+                FaultKind::TelemetryHangs => sensors.injected = once(InjectedFault::TelemetryHangs),
             }
         }
     }

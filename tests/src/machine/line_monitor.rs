@@ -5,7 +5,7 @@ use protocol::message::{MAX_TO_DEVICE_FRAME, MAX_TO_HOST_FRAME, read_to_device, 
 use protocol::{Command, EventKind, Layout, Report, State, ToDevice, ToHost};
 
 /// Listens to both directions.
-pub(super) struct Ear {
+pub(super) struct LineMonitor {
     layout: Layout,
     from_host: Decoder<MAX_TO_DEVICE_FRAME>,
     from_device: Decoder<MAX_TO_HOST_FRAME>,
@@ -16,7 +16,7 @@ pub(super) struct Ear {
     pub motion_seq: Option<u32>,
 }
 
-impl Ear {
+impl LineMonitor {
     pub fn new(layout: Layout) -> Self {
         Self {
             layout,
