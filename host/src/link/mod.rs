@@ -24,7 +24,6 @@ mod port;
 mod reader;
 mod repeats;
 mod scales;
-mod take;
 #[cfg(test)]
 mod tests;
 mod words;

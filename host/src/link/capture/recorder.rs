@@ -3,15 +3,18 @@
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
-use protocol::{EventKind, Flags, Motion, Sample, Segment, Status};
+use protocol::{EventKind, Flags, Motion, MotionId, Sample, Segment, Status};
 
-use super::capture::{CaptureError, Captured, MOTION, News, Progress};
-use super::log::{Entry, LogCounts, LogReader};
-use super::repeats::Repeats;
-use super::{Arrival, Device, LinkError, Scales, words};
+use super::super::log::{Entry, LogCounts, LogReader};
+use super::super::repeats::Repeats;
+use super::super::{Arrival, Device, LinkError, Scales, words};
+use super::error::CaptureError;
+use super::progress::{Captured, News, Progress};
 use crate::recording::mcap::{Disk, WriteError, Writer};
 use crate::recording::{Event, LogLine, LossBalance, Severity};
 
+/// The number under which motions are uploaded.
+pub(super) const MOTION: MotionId = MotionId(1);
 /// How long samples may stay away.
 const SILENCE: Duration = Duration::from_secs(2);
 /// How often the caller is told of progress, and looked at for a wish to stop.
@@ -27,7 +30,7 @@ const ENDLESS_TICKS: u64 = 2000;
 const START_TICKS: u64 = 2000;
 
 /// A recording under way.
-pub(super) struct Take<'a> {
+pub(super) struct Recorder<'a> {
     writer: Writer<Disk>,
     scales: Scales,
     /// The firmware's log, if it can be read.
@@ -59,7 +62,7 @@ pub(super) struct Counts {
     balance_us: u64,
 }
 
-impl<'a> Take<'a> {
+impl<'a> Recorder<'a> {
     pub(super) fn new(
         writer: Writer<Disk>,
         scales: Scales,
@@ -85,7 +88,7 @@ impl<'a> Take<'a> {
                     if matches!(arrival, Arrival::Sample { .. }) {
                         heard = now;
                     }
-                    self.keep(device, arrival)?;
+                    self.write(device, arrival)?;
                 }
                 None => self.writer.flush()?,
             }
@@ -113,7 +116,7 @@ impl<'a> Take<'a> {
     pub(super) fn end_stream(&mut self, device: &mut Device) -> Result<Status, LinkError> {
         let status = device.end_stream();
         while let Ok(Some(arrival)) = device.next(Duration::ZERO) {
-            if let Err(error) = self.keep(device, arrival) {
+            if let Err(error) = self.write(device, arrival) {
                 // The file fails; closing it will say so again.
                 tracing::warn!("{error}");
                 break;
@@ -128,7 +131,7 @@ impl<'a> Take<'a> {
         self.writer.finish()?.sync().map_err(|error| WriteError::File(error.into()))
     }
 
-    fn keep(&mut self, device: &Device, arrival: Arrival) -> Result<(), WriteError> {
+    fn write(&mut self, device: &Device, arrival: Arrival) -> Result<(), WriteError> {
         let (seq, t_us, (severity, text)) = match arrival {
             Arrival::Sample { seq, t_us, sample } => return self.sample(device, seq, t_us, &sample),
             // What the handshake has said already.

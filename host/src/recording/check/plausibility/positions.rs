@@ -15,7 +15,7 @@ const LEAST_USE: f64 = 0.1;
 const LEAST_USE_SEEN: f64 = 0.02;
 /// A driven joint that uses less of its range than this makes one look at units.
 const SMALL_USE: f64 = 0.05;
-/// Share of the readings at either end that may be mishaps.
+/// Share of the readings at either end that may be wrong.
 const LONE_SHARE: f64 = 1e-3;
 /// Positions that pass the limits by this factor are none, whatever the unit.
 const IMPOSSIBLE: f64 = 100.0;
