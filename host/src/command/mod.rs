@@ -3,55 +3,47 @@
 //! A verb is a module with `Args` (clap; its doc comment is the help) and
 //! `pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure>`. To add one:
 //!
-//! 1. `mod verb;` below,
+//! 1. `mod verb;` below or in a folder,
 //! 2. `Verb(verb::Args)` in `Verb`,
 //! 3. `Verb::Verb(args) => verb::run(args, &ui)` in [`main`].
 //!
-//! What every verb shares: [`Exit`] and [`Failure`] (how it ends), [`Ui`] (text, progress, log: stderr only; stdout
-//! carries results), `interrupt` (Ctrl-C), [`NewFile`], [`LiveFile`] and [`ResultArgs`] (files that are never overwritten unasked),
-//! `choices` (what the library's enums are called on the command line).
+//! | folder | what is there |
+//! |---|---|
+//! | `device` | verbs that speak to a device, and the connection that they share |
+//! | `recordings` | verbs that read and write tables and recordings |
+//! | here | verbs about models: calibrate, verify, diagnose, plan, export … |
+//! | `terminal` | what every verb shares: [`Exit`] (how it ends), [`Ui`] (text, progress, log: stderr only; stdout carries results), `interrupt` (Ctrl-C), [`NewFile`], [`LiveFile`] and [`ResultArgs`] (files that are never overwritten unasked) |
+//! | `arguments` | arguments of several verbs, and what the library's enums are called on the command line |
 
-mod bringup;
+mod arguments;
 mod calibrate;
-mod check;
 mod completions;
 mod demo;
+mod device;
 mod diagnose;
 mod effects;
 mod export;
-mod import;
 mod observe;
 mod plan;
-mod ports;
-mod push;
-mod record;
-mod repair;
+mod recordings;
 mod robot;
-mod simulate;
-mod table;
+mod terminal;
 mod verify;
-mod watch;
-
-mod choices;
-mod exit;
-mod fitness;
-mod interrupt;
-mod output;
-mod ui;
 
 use std::process::ExitCode;
 
 use clap::{CommandFactory, Parser, Subcommand};
 
 use crate::failure::{Failure, read_failure, robot_failure, table_failure};
-pub use exit::Exit;
-pub use fitness::FitnessArgs;
-use output::json;
-pub use output::{LiveFile, NewFile, Outputs, ResultArgs};
-pub use ui::{Progress, Ui};
-
-/// Bits per second that a serial line may be asked for; 0 is none.
-const BAUDS: std::ops::RangeInclusive<i64> = 1200..=20_000_000;
+use arguments::fitness;
+pub use arguments::fitness::FitnessArgs;
+use device::{bringup, ports, push, record, simulate, watch};
+use recordings::{check, import, repair, table};
+pub use terminal::exit::Exit;
+use terminal::output::json;
+pub use terminal::output::{LiveFile, NewFile, Outputs, ResultArgs};
+pub use terminal::ui::{Progress, Ui};
+use terminal::{exit, interrupt, ui};
 
 /// Calibrates flexible-joint robots: records a motion, fits the elastic-joint model, verifies it on another motion.
 #[derive(Debug, Parser)]

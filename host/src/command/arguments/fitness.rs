@@ -1,7 +1,7 @@
 //! What is looked at before any long work on a recording: units, signs, columns, rate, dead sensors.
 
-use super::{Failure, Ui};
 use crate::calibrate;
+use crate::command::{Failure, Ui};
 use crate::failure::unfit;
 use crate::recording::{Recording, check};
 

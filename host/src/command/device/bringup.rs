@@ -2,14 +2,11 @@
 
 use std::path::PathBuf;
 
-use protocol::budget::BAUD;
-
-use super::record::link_failure;
-use super::simulate::{simulated_port, write_truth};
-use super::{Exit, Failure, NewFile, Ui, interrupt, json, robot_failure};
+use super::connection::{Connection, link_failure, write_truth};
 use crate::bringup::{self, BringUpError, Findings, News};
+use crate::command::{Exit, Failure, NewFile, Ui, interrupt, json, robot_failure};
 use crate::failure::simulate_failure;
-use crate::link::{Device, Options, ScaleError, printable};
+use crate::link::{Device, ScaleError, printable};
 use crate::robot::Robot;
 
 /// Find out by small moves whether a robot is wired as it should be
@@ -20,9 +17,8 @@ use crate::robot::Robot;
 /// At the end the robot's description is written, for `host robot show` and `host record --robot`.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// The robot's serial device, or sim: with the options of simulate, as sim:mistake=encoder-reversed=2
-    #[arg(long, value_name = "PORT")]
-    port: String,
+    #[command(flatten)]
+    connection: Connection,
     /// The description to begin with: a built-in name or a file [default: the one that the device names]
     #[arg(long, value_name = "ROBOT")]
     robot: Option<String>,
@@ -36,9 +32,6 @@ pub struct Args {
     /// Print the findings as JSON to stdout
     #[arg(long)]
     json: bool,
-    /// Bits per second on the line
-    #[arg(long, value_name = "BAUD", default_value_t = BAUD, value_parser = clap::value_parser!(u32).range(super::BAUDS))]
-    baud: u32,
     /// The description to write
     #[arg(short, long, value_name = "ROBOT.toml")]
     output: PathBuf,
@@ -51,17 +44,11 @@ pub struct Args {
 pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
     let file = NewFile::claim(&args.output, args.force)?;
     let named = args.robot.as_deref().map(Robot::load).transpose().map_err(robot_failure)?;
-    let simulated = simulated_port(&args.port, args.force)?;
-    let port = simulated.as_ref().map_or(args.port.clone(), |(simulator, ..)| simulator.path().display().to_string());
-    let connecting = ui.busy("connecting");
-    let mut device = Device::open(&port, &Options { baud: args.baud, ..Options::default() }).map_err(link_failure)?;
-    let stopper = device.stopper();
-    // What is under way fails for it.
-    interrupt::instead(move || stopper.stop());
-    drop(connecting);
+    let simulated = args.connection.simulated(args.force)?;
+    let mut device = args.connection.open_for_requests(simulated.as_ref(), ui)?;
     let identity = &device.hello().identity;
     let name = printable(&identity.robot);
-    ui.say(format_args!("{}: {name}, firmware {}", args.port, printable(&identity.firmware_version)));
+    ui.say(format_args!("{}: {name}, firmware {}", args.connection.port, printable(&identity.firmware_version)));
     let start = match named.or_else(|| simulated.as_ref().map(|(_, options, _)| options.robot.clone())) {
         Some(robot) => robot,
         None => Robot::builtin(&name).map_err(|error| {

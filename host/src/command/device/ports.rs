@@ -2,7 +2,8 @@
 
 use serde::Serialize;
 
-use super::{Exit, Failure, Ui, json};
+use super::connection::BAUDS;
+use crate::command::{Exit, Failure, Ui, json};
 use crate::link::{self, LinkError, Options, printable};
 
 /// List serial ports and mark those where a robot answers
@@ -11,7 +12,7 @@ use crate::link::{self, LinkError, Options, printable};
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Bits per second at which to ask
-    #[arg(long, value_name = "BAUD", default_value_t = protocol::budget::BAUD, value_parser = clap::value_parser!(u32).range(super::BAUDS))]
+    #[arg(long, value_name = "BAUD", default_value_t = protocol::budget::BAUD, value_parser = clap::value_parser!(u32).range(BAUDS))]
     baud: u32,
     /// Print the list as JSON to stdout
     #[arg(long)]

@@ -1,14 +1,12 @@
 //! `host robot push`: a robot's description into the flash of a device.
 
-use protocol::budget::BAUD;
 use protocol::{Description, Hello, Refusal};
 use serde::Serialize;
 
-use super::record::link_failure;
-use super::simulate::simulated_port;
-use super::{Exit, Failure, Ui, interrupt, json, robot_failure};
+use super::connection::{Connection, link_failure};
+use crate::command::{Exit, Failure, Ui, interrupt, json, robot_failure};
 use crate::failure::simulate_failure;
-use crate::link::{self, Device, LinkError, Options, printable};
+use crate::link::{self, LinkError, printable};
 use crate::robot::Robot;
 use crate::simulate::{SimulateError, description};
 
@@ -22,18 +20,14 @@ pub struct Args {
     /// A description file or a built-in name
     #[arg(value_name = "ROBOT")]
     robot: String,
-    /// The robot's serial device, or sim: with the options of simulate, as sim:flash=FILE
-    #[arg(long, value_name = "PORT")]
-    port: String,
+    #[command(flatten)]
+    connection: Connection,
     /// Clear the fault of an emergency stop: it is released, and nobody is in reach of the robot
     #[arg(long)]
     clear_stop: bool,
     /// Print what was stored as JSON to stdout
     #[arg(long)]
     json: bool,
-    /// Bits per second on the line
-    #[arg(long, value_name = "BAUD", default_value_t = BAUD, value_parser = clap::value_parser!(u32).range(super::BAUDS))]
-    baud: u32,
 }
 
 /// What was stored.
@@ -65,18 +59,12 @@ pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
         SimulateError::Unsuited { reason } => cannot_run(&robot, &reason),
         error => simulate_failure(error),
     })?;
-    let simulated = simulated_port(&args.port, false)?;
-    let port = simulated.as_ref().map_or(args.port.clone(), |(simulator, ..)| simulator.path().display().to_string());
-    let connecting = ui.busy("connecting");
-    let mut device = Device::open(&port, &Options { baud: args.baud, ..Options::default() }).map_err(link_failure)?;
-    let stopper = device.stopper();
-    // What is under way fails for it.
-    interrupt::instead(move || stopper.stop());
-    drop(connecting);
+    let simulated = args.connection.simulated(false)?;
+    let mut device = args.connection.open_for_requests(simulated.as_ref(), ui)?;
     let before = device.hello().clone();
     let (name, version) = (printable(&before.identity.robot), printable(&before.identity.firmware_version));
     let runs = link::runs(&before);
-    ui.say(format_args!("{}: {name}, firmware {version}, runs {}", args.port, runs.which));
+    ui.say(format_args!("{}: {name}, firmware {version}, runs {}", args.connection.port, runs.which));
     if let Some(other) = runs.other {
         ui.say(other);
     }

@@ -5,15 +5,16 @@ use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::{Arc, Mutex};
 
-use protocol::budget::{self, BAUD};
+use protocol::budget::{self};
 use protocol::{Hello, Motion};
 
-use super::simulate::{say_faults, simulated_port, write_truth};
-use super::{Exit, Failure, LiveFile, Ui, interrupt, robot_failure};
+use super::connection::{Connection, link_failure, write_truth};
+use super::simulate::say_faults;
+use crate::command::{Exit, Failure, LiveFile, Progress, Ui, interrupt, robot_failure};
 use crate::failure::{Kind, simulate_failure};
 use crate::link::{
-    self, CaptureError, Captured, Device, Dictionary, ElfError, LinkError, News, Options, Ready, Restart, ScaleError,
-    Stopper, Zero, reset_name,
+    self, CaptureError, Captured, Device, Dictionary, ElfError, LinkError, News, Ready, Restart, ScaleError, Stopper,
+    Zero, reset_name,
 };
 use crate::robot::Robot;
 
@@ -24,9 +25,8 @@ use crate::robot::Robot;
 /// last half second.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// The robot's serial device, or sim: with the options of simulate, as sim:seed=3,effect=base_bearing
-    #[arg(long, value_name = "PORT")]
-    port: String,
+    #[command(flatten)]
+    connection: Connection,
     /// calibration, validation, or a motion file
     #[arg(long, value_name = "MOTION", default_value = "calibration")]
     motion: String,
@@ -45,9 +45,6 @@ pub struct Args {
     /// The motion starts in this tick of the device, which counts from 0 when it starts [default: the next one]
     #[arg(long, value_name = "N")]
     start_tick: Option<u32>,
-    /// Bits per second on the line
-    #[arg(long, value_name = "BAUD", default_value_t = BAUD, value_parser = clap::value_parser!(u32).range(super::BAUDS))]
-    baud: u32,
     /// The recording to make
     #[arg(short, long, value_name = "RUN.mcap")]
     output: PathBuf,
@@ -62,26 +59,19 @@ pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
     let mut robot = args.robot.as_deref().map(Robot::load).transpose().map_err(robot_failure)?;
     let wanted = Wanted::of(&args.motion)?;
     let dictionary = args.elf.as_deref().map(Dictionary::load).transpose().map_err(elf_failure)?;
-    let simulated = simulated_port(&args.port, args.force)?;
+    let simulated = args.connection.simulated(args.force)?;
     let interrupt = Interrupt::listen();
 
     let connecting = ui.busy("connecting");
-    let options = Options { baud: args.baud, ..Options::default() };
-    let port = match &simulated {
-        Some((simulator, simulation, _)) => {
-            robot = robot.or_else(|| Some(simulation.robot.clone()));
-            simulator.path().display().to_string()
-        }
-        None => args.port.clone(),
-    };
-    let mut device = Device::open(&port, &options).map_err(link_failure)?;
+    robot = robot.or_else(|| simulated.as_ref().map(|(_, simulation, _)| simulation.robot.clone()));
+    let mut device = args.connection.open(simulated.as_ref())?;
     interrupt.guards(device.stopper());
     drop(connecting);
     let identity = &device.hello().identity;
     let started = reset_name(device.hello().reset);
     ui.say(format_args!(
         "{}: {}, firmware {}, started: {started}",
-        args.port,
+        args.connection.port,
         link::printable(&identity.robot),
         link::printable(&identity.firmware_version)
     ));
@@ -97,9 +87,12 @@ pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
         }
     });
     let ticks_per_s = 1_000_000 / u32::from(device.hello().tick_us);
-    if !budget::carries(&device.hello().layout, ticks_per_s, args.baud) {
-        return Err(Failure::usage(format!("{} baud cannot carry {ticks_per_s} samples a second", args.baud))
-            .advice("give a higher --baud, and set the firmware to the same"));
+    if !budget::carries(&device.hello().layout, ticks_per_s, args.connection.baud) {
+        return Err(Failure::usage(format!(
+            "{} baud cannot carry {ticks_per_s} samples a second",
+            args.connection.baud
+        ))
+        .advice("give a higher --baud, and set the firmware to the same"));
     }
     let robot = match robot {
         Some(robot) => robot,
@@ -136,7 +129,7 @@ pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
     drop(device);
     interrupt.releases();
     if let Err(CaptureError::Link(LinkError::Restarted { .. })) = &captured
-        && let Ok(hello) = link::probe(&port, &options)
+        && let Ok(hello) = args.connection.probe(simulated.as_ref())
     {
         say_restart(ui, &hello);
     }
@@ -199,7 +192,7 @@ fn say_restart(ui: &Ui, hello: &Hello) {
 }
 
 /// How far it is, on the terminal.
-fn show(bar: &super::Progress, now: &link::Progress<'_>) {
+fn show(bar: &Progress, now: &link::Progress<'_>) {
     bar.stage(now.stage.unwrap_or("starting"));
     bar.at(now.per_mille());
     let (rate_hz, lost) = (now.rate_hz, now.balance.missing);
@@ -304,12 +297,6 @@ fn elf_failure(error: ElfError) -> Failure {
     let advice = error.advice();
     let kind = if matches!(error, ElfError::Open { .. }) { Kind::Device } else { Kind::Data };
     Failure::new(kind, error).advice(advice)
-}
-
-/// A device that cannot be used.
-pub(super) fn link_failure(error: LinkError) -> Failure {
-    let advice = error.advice();
-    Failure::device(error).advice(advice)
 }
 
 /// A recording that was not made, or not to its end.

@@ -1,11 +1,12 @@
 //! `host simulate`: plays robot and microcontroller behind a pseudo-terminal.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::Duration;
 
-use super::{Exit, Failure, NewFile, Ui, interrupt, json, robot_failure};
+use super::connection::write_truth;
+use crate::command::{Exit, Failure, NewFile, Ui, interrupt, robot_failure};
 use crate::failure::simulate_failure;
 use crate::robot::Robot;
 use crate::simulate::{
@@ -98,18 +99,6 @@ pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
     Ok(Exit::Ok)
 }
 
-/// A simulated robot for a port's name, if it is one (`sim:…`), and where its truth is to be written.
-pub(super) fn simulated_port(
-    port: &str,
-    force: bool,
-) -> Result<Option<(Simulator, Options, Option<NewFile>)>, Failure> {
-    let Some(options) = port.strip_prefix("sim:") else { return Ok(None) };
-    let options = Options::parse(options).map_err(simulate_failure)?;
-    let truth = options.truth.as_deref().map(|path: &Path| NewFile::claim(path, force)).transpose()?;
-    let simulator = Simulator::start(&options).map_err(simulate_failure)?;
-    Ok(Some((simulator, options, truth)))
-}
-
 /// One line about faults, if any were injected.
 pub(super) fn say_faults(ui: &Ui, report: &SimulationReport) {
     let faults = &report.faults;
@@ -125,10 +114,4 @@ pub(super) fn say_faults(ui: &Ui, report: &SimulationReport) {
             faults.resets
         ));
     }
-}
-
-/// Writes what is true of the robot, if it was asked for.
-pub(super) fn write_truth(file: Option<NewFile>, report: &SimulationReport) -> Result<(), Failure> {
-    let Some(file) = file else { return Ok(()) };
-    file.finish_with(json(report)?.as_bytes())
 }

@@ -7,13 +7,11 @@ use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, channel, sync_channel};
 use std::time::{Duration, Instant};
 
-use protocol::budget::BAUD;
-
-use super::record::{link_failure, losses};
-use super::simulate::simulated_port;
-use super::{Exit, Failure, Ui, interrupt};
+use super::connection::{Connection, link_failure};
+use super::record::losses;
+use crate::command::{Exit, Failure, Ui, interrupt};
 use crate::failure::simulate_failure;
-use crate::link::{Device, Options, printable};
+use crate::link::{Device, printable};
 use crate::watch::{Picture, Watch};
 
 /// How long one look at the device waits for a sample.
@@ -28,9 +26,8 @@ const LAST_WORDS: Duration = Duration::from_secs(1);
 /// ends with Ctrl-C.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// The robot's serial device, or sim: with the options of simulate, as sim:seed=3
-    #[arg(long, value_name = "PORT")]
-    port: String,
+    #[command(flatten)]
+    connection: Connection,
     /// End by itself after so long, s
     #[arg(long = "for", value_name = "SECONDS", value_parser = seconds)]
     duration: Option<Duration>,
@@ -40,9 +37,6 @@ pub struct Args {
     /// Print each view as a line of JSON
     #[arg(long)]
     json: bool,
-    /// Bits per second on the line
-    #[arg(long, value_name = "BAUD", default_value_t = BAUD, value_parser = clap::value_parser!(u32).range(super::BAUDS))]
-    baud: u32,
 }
 
 fn seconds(text: &str) -> Result<Duration, &'static str> {
@@ -56,17 +50,16 @@ pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
     let over = Arc::new(AtomicBool::new(false));
     let heard = Arc::clone(&over);
     interrupt::instead(move || heard.store(true, Relaxed));
-    let simulated = simulated_port(&args.port, false)?;
-    let port = simulated.as_ref().map_or(args.port.clone(), |(simulator, ..)| simulator.path().display().to_string());
+    let simulated = args.connection.simulated(false)?;
     let connecting = ui.busy("connecting");
-    let mut device = Device::open(&port, &Options { baud: args.baud, ..Options::default() }).map_err(link_failure)?;
+    let mut device = args.connection.open(simulated.as_ref())?;
     let status = device.halt().map_err(link_failure)?;
     device.stream().map_err(link_failure)?;
     drop(connecting);
     let identity = &device.hello().identity;
     ui.say(format_args!(
         "{}: {}, firmware {}; Ctrl-C ends it",
-        args.port,
+        args.connection.port,
         printable(&identity.robot),
         printable(&identity.firmware_version)
     ));

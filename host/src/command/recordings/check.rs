@@ -2,8 +2,8 @@
 
 use std::path::PathBuf;
 
-use super::{Exit, Failure, ResultArgs, Ui, read_failure};
 use crate::calibrate::foresight;
+use crate::command::{Exit, Failure, ResultArgs, Ui, read_failure};
 use crate::recording::{self, check};
 use crate::report::check_page;
 

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use super::{Exit, Failure, NewFile, Ui, fitness, robot_failure, table_failure};
+use crate::command::{Exit, Failure, NewFile, Ui, fitness, robot_failure, table_failure};
 use crate::recording::import::{self, EmptyInputs};
 use crate::recording::mcap;
 use crate::robot::Robot;

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use super::{Exit, Failure, NewFile, Ui, read_failure};
+use crate::command::{Exit, Failure, NewFile, Ui, read_failure};
 use crate::recording::{self, mcap};
 
 /// Make a cut-off or damaged recording whole

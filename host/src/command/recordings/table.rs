@@ -2,8 +2,8 @@
 
 use std::path::PathBuf;
 
-use super::{Exit, Failure, NewFile, ResultArgs, Ui};
 use crate::calibrate::Calibration;
+use crate::command::{Exit, Failure, NewFile, ResultArgs, Ui};
 use crate::fleet::{By, Fleet};
 use crate::report;
 

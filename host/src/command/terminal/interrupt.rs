@@ -14,7 +14,7 @@ static ACTION: Mutex<Option<Action>> = Mutex::new(None);
 static PARTS: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
 /// Listens from now on. To be called once, before anything is made.
-pub(super) fn listen() {
+pub(in crate::command) fn listen() {
     let heard = ctrlc::set_handler(|| match &*lock(&ACTION) {
         Some(action) => action(),
         None => leave(INTERRUPTED),
@@ -25,12 +25,12 @@ pub(super) fn listen() {
 }
 
 /// From now on an interrupt does this, in a thread of its own, and the program goes on.
-pub(super) fn instead(action: impl Fn() + Send + 'static) {
+pub(in crate::command) fn instead(action: impl Fn() + Send + 'static) {
     *lock(&ACTION) = Some(Box::new(action));
 }
 
 /// Ends the process without leaving temporary files behind.
-pub(super) fn leave(code: u8) -> ! {
+pub(in crate::command) fn leave(code: u8) -> ! {
     // Held to the end: no file is begun or named any more.
     let parts = lock(&PARTS);
     for part in parts.iter() {
@@ -42,11 +42,11 @@ pub(super) fn leave(code: u8) -> ! {
 
 /// A temporary file that [`leave`] removes, until this is dropped.
 #[derive(Debug)]
-pub(super) struct Registered(PathBuf);
+pub(in crate::command) struct Registered(PathBuf);
 
 impl Registered {
     /// Makes a temporary file and registers it, in one step for whoever interrupts.
-    pub(super) fn make<T, E>(
+    pub(in crate::command) fn make<T, E>(
         make: impl FnOnce() -> Result<T, E>,
         path: impl FnOnce(&T) -> PathBuf,
     ) -> Result<(T, Self), E> {

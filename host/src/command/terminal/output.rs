@@ -8,8 +8,8 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 use tempfile::NamedTempFile;
 
-use super::interrupt::Registered;
-use super::{Failure, Ui};
+use crate::command::terminal::interrupt::Registered;
+use crate::command::{Failure, Ui};
 use crate::report;
 
 /// A file that appears under its name only when it is complete.

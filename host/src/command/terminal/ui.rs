@@ -7,13 +7,13 @@ use console::Style;
 use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
 use tracing_subscriber::filter::LevelFilter;
 
-use super::Failure;
+use crate::failure::Failure;
 use crate::link::printable;
 use crate::recording::{LogLevel, LogLine};
 
 /// Options that every verb takes.
 #[derive(Debug, clap::Args)]
-pub(super) struct Args {
+pub(in crate::command) struct Args {
     /// Log more: -v what the program does, -vv its details
     #[arg(short, long, global = true, action = clap::ArgAction::Count)]
     verbose: u8,
@@ -31,7 +31,7 @@ pub struct Ui {
 
 impl Ui {
     /// Sets up log, error printing and progress for this process. To be called once.
-    pub(super) fn new(args: &Args) -> Self {
+    pub(in crate::command) fn new(args: &Args) -> Self {
         let terminal = io::stderr().is_terminal();
         let target = if terminal && !args.quiet { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
         let bars = MultiProgress::with_draw_target(target);
@@ -123,7 +123,7 @@ impl Ui {
     }
 
     /// Prints a failure with its causes and advice.
-    pub(super) fn failure(&self, failure: Failure) {
+    pub(in crate::command) fn failure(&self, failure: Failure) {
         let report = miette::Report::new(failure);
         let _ = self.bars.suspend(|| writeln!(io::stderr(), "{report:?}"));
     }

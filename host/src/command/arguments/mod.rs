@@ -1,0 +1,4 @@
+//! Arguments of several verbs.
+
+mod choices;
+pub mod fitness;
