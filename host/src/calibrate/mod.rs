@@ -29,7 +29,7 @@ mod tests;
 pub use data::series::Series;
 pub use error::CalibrateError;
 pub use extension::bench::Bench;
-pub use extension::blocks::{BlockFit, BlockScores, LawBlock, Quadratic};
+pub use extension::blocks::{BlockFit, BlockScores, LawBlock, ParameterAt, Quadratic};
 pub use extension::trial::{JointState, Trial, TrialValue};
 pub use extension::trimmed::Trimmed;
 pub use fit::{calibrate, calibrate_extended, extend, extend_as, fit};

@@ -72,6 +72,19 @@ impl BlockFit {
     }
 }
 
+/// A parameter of a trial's dynamics, and what steps make of it.
+#[derive(Debug, Clone)]
+pub struct ParameterAt {
+    /// As in results.
+    pub name: String,
+    /// At the trial.
+    pub value: f64,
+    /// By free direction.
+    pub slope: DVector<f64>,
+    /// After each step.
+    pub stepped: Vec<f64>,
+}
+
 /// What one block says of one law.
 #[derive(Debug, Clone)]
 pub struct LawBlock {
@@ -249,17 +262,16 @@ impl<'a> Bench<'a> {
         2.0 * (steps * of_step + starts * of_start)
     }
 
-    /// Standard errors of the parameters of a trial on this bench by the jackknife over blocks: `steps` are what the shared unknowns do without each block, in free
-    /// directions of [`BlockFit`].
+    /// The parameters of a trial on this bench, at it and at `steps` from it, in free directions of [`BlockFit`].
     ///
     /// # Errors
     /// A model that cannot be built.
-    pub fn jackknife(
+    pub fn parameters_at(
         &self,
         trial: &Trial,
         fit: &BlockFit,
         steps: &[DVector<f64>],
-    ) -> Result<Vec<(String, f64)>, CalibrateError> {
+    ) -> Result<Vec<ParameterAt>, CalibrateError> {
         let model = Model::extended(self.robot, trial.laws.clone())?;
         let coordinates = model.coordinates();
         let known = trial.known();
@@ -268,14 +280,16 @@ impl<'a> Bench<'a> {
             let moved = &fit.free * step;
             coordinates.to_physical(&z.iter().zip(moved.iter()).map(|(z, d)| z + d).collect::<Vec<_>>())
         };
-        let values: Vec<Vec<f64>> = steps.iter().map(at).collect();
-        let count = values.len() as f64;
-        let error = |i: usize| {
-            let mean = values.iter().map(|of_block| of_block[i]).sum::<f64>() / count;
-            let squares: f64 = values.iter().map(|of_block| (of_block[i] - mean).powi(2)).sum();
-            (squares * (count - 1.0) / count).sqrt()
+        let stepped: Vec<Vec<f64>> = steps.iter().map(at).collect();
+        let parameter = |(i, (name, _)): (usize, (&str, &'static str))| {
+            let (value, slopes) = coordinates.physical_and_slopes(&z, i);
+            let mut slope = DVector::zeros(fit.free.ncols());
+            for (own, by) in slopes {
+                slope += by * fit.free.row(own).transpose();
+            }
+            ParameterAt { name: name.to_string(), value, slope, stepped: stepped.iter().map(|all| all[i]).collect() }
         };
-        Ok(coordinates.names().enumerate().map(|(i, (name, _))| (name.to_string(), error(i))).collect())
+        Ok(coordinates.names().enumerate().map(parameter).collect())
     }
 
     /// States of a sample of the base model.

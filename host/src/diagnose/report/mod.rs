@@ -15,7 +15,7 @@ use crate::diagnose::result::{
     Candidate, ChannelGain, Defect, Diagnosis, Finding, Flag, NotTestable, Picture, Rejected, Rival, Unexplained,
     Verdict,
 };
-use crate::diagnose::scores::cross_validation::left_out_steps;
+use crate::diagnose::scores::jackknife::between_blocks;
 use crate::diagnose::scores::stability::{Stability, stability};
 use crate::diagnose::selection::{Accepted, Selection, share};
 use crate::effect::{Effect, Role};
@@ -252,15 +252,13 @@ impl Evidence<'_> {
     /// The parameters of an effect: estimates of all samples, errors by the scatter between blocks where that is more than what the noise says.
     fn parameters(&self, effect: &Effect, extended: Option<&Fit>) -> Vec<ParameterEstimate> {
         let fitted = &self.selection.current;
-        let contiguous = vec![false; fitted.fit.blocks.len().saturating_sub(1)];
-        let steps = left_out_steps(&fitted.fit.blocks, &fitted.fit.prior, &contiguous).unwrap_or_default();
-        let jackknife = self.refit.bench.jackknife(&fitted.trial, &fitted.fit, &steps).unwrap_or_default();
-        let fewer = extended.map_or(1.0, |fit| {
-            (self.refit.bench.series().stages() as f64 / fit.series.stages().max(1) as f64).min(1.0)
-        });
+        let bench = &self.refit.bench;
+        let errors = between_blocks(bench, (&fitted.trial, &fitted.fit), &self.refit.contiguous).unwrap_or_default();
+        let fewer =
+            extended.map_or(1.0, |fit| (bench.series().stages() as f64 / fit.series.stages().max(1) as f64).min(1.0));
         let between = |name: &str| {
-            let found = jackknife.iter().find(|(own, _)| own == name).map(|(_, error)| error * fewer.sqrt());
-            found.filter(|error| error.is_finite())
+            let found = errors.iter().find(|found| found.parameter.name == name)?;
+            Some((found.error * fewer.sqrt(), found.t95()?)).filter(|(error, _)| error.is_finite())
         };
         let of_trial = || {
             fitted.trial.values.iter().map(|value| ParameterEstimate {
@@ -275,9 +273,8 @@ impl Evidence<'_> {
         };
         let all: Vec<ParameterEstimate> =
             extended.map_or_else(|| of_trial().collect(), |fit| fit.calibration.parameters.clone());
-        let t = 2.07;
         let widened = |mut p: ParameterEstimate| {
-            if let (Some(own), Some(between)) = (p.std_error, between(&p.name))
+            if let (Some(own), Some((between, t))) = (p.std_error, between(&p.name))
                 && between > own
             {
                 p.std_error = Some(between);

@@ -3,5 +3,6 @@
 pub mod block_scores;
 pub mod cross_validation;
 pub mod events;
+pub mod jackknife;
 pub mod significance;
 pub mod stability;
