@@ -134,6 +134,12 @@ impl Motion {
         self.every(1, model, z, true).iter().map(|missing| robust::scale(missing)).collect()
     }
 
+    /// Of each joint, whether torques that are known set the scale of the others, as those of a body's weight do: with all parameters zero more is missing than at `z`.
+    pub fn is_scaled(&self, model: &Model, z: &[f64]) -> Vec<bool> {
+        let known = self.missing_scale(model, &vec![0.0; z.len()]);
+        known.iter().zip(self.missing_scale(model, z)).map(|(known, left)| *known > left).collect()
+    }
+
     fn every(&self, decimation: usize, model: &Model, z: &[f64], driven: bool) -> Vec<Vec<f64>> {
         let dynamics = model.at(z);
         let n = self.joints;

@@ -39,13 +39,14 @@ pub use vector::{Matrix3, Vector3};
 use chain::Chain;
 
 /// The descriptions that come with the program: name and text.
-const BUILTIN: [(&str, &str); 6] = [
+const BUILTIN: [(&str, &str); 7] = [
     ("doggy", include_str!("builtin/doggy.toml")),
     ("one_joint", include_str!("builtin/one_joint.toml")),
     ("emps", include_str!("builtin/emps.toml")),
     ("kuka_kr300", include_str!("builtin/kuka_kr300.toml")),
     ("dfki_pendulum", include_str!("builtin/dfki_pendulum.toml")),
     ("dfki_double_pendulum", include_str!("builtin/dfki_double_pendulum.toml")),
+    ("xl330_pendulum", include_str!("builtin/xl330_pendulum.toml")),
 ];
 
 /// What `host robot new` writes; NAME stands for the robot's name.

@@ -60,9 +60,8 @@ pub(crate) fn of(model: &Model, robot: &Robot, series: &Series) -> Option<Torque
         if impossible.is_empty() {
             let missing = motion.missing_scale(&exact, &z);
             let drives: Vec<Drive> = (0..layout.joints()).map(|joint| Drive::of(robot, model, joint)).collect();
-            let known = motion.missing_scale(&exact, &vec![0.0; z.len()]);
-            let is_scaled = |joint: usize| matches!(drives[joint], Drive::Known(_)) || known[joint] > missing[joint];
-            if !(0..layout.joints()).all(is_scaled) {
+            let scaled = motion.is_scaled(&exact, &z);
+            if !drives.iter().zip(scaled).all(|(drive, scaled)| scaled || matches!(drive, Drive::Known(_))) {
                 return None;
             }
             // A rigid robot's coordinates are its parameters.

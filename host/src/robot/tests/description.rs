@@ -19,7 +19,11 @@ fn builtins_parse_and_keep_their_text() {
         assert_eq!(robot.name, name);
         assert_eq!(Robot::parse(robot.toml()).unwrap(), robot);
         let rigid = robot.joints.iter().all(|joint| joint.transmission == Transmission::Rigid);
-        assert_eq!(rigid, ["emps", "dfki_pendulum", "dfki_double_pendulum"].contains(&name), "{name}");
+        assert_eq!(
+            rigid,
+            ["emps", "dfki_pendulum", "dfki_double_pendulum", "xl330_pendulum"].contains(&name),
+            "{name}"
+        );
     }
 }
 

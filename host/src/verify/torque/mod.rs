@@ -32,7 +32,7 @@ pub enum TorqueError {
     OwnStates,
     /// Nothing to compare with.
     #[error(
-        "the drive's torque constant is estimated: with every torque unknown, zero fits best; fix `k_pwm` or `k_t` in the robot file"
+        "the drive's torque constant is estimated and no known torque, as of a body's weight, sets the scale: zero fits best; fix `k_pwm` or `k_t` in the robot file"
     )]
     UnknownTorque,
     /// No motion.
@@ -118,15 +118,18 @@ pub fn verify(
     let filter_hz = own.corner() / identified_on.period_s;
     let other = motion(&model, recording, Some(filter_hz))?;
     let found = own.identify(model.model(), model.z(), &[], Loss::Squares);
+    if estimates_torque(&model) && !own.is_scaled(model.model(), &found.z).iter().all(|scaled| *scaled) {
+        return Err(TorqueError::UnknownTorque.into());
+    }
     let (robot, coordinates) = (model.robot(), model.model().coordinates());
-    let torques = Torques::of(&other, &model);
-    let error = |left: &[Vec<f64>], joint: usize| norm(&left[joint]) / norm(&torques.driving[joint]);
-    let identified = other.missing(model.model(), &found.z, true);
+    let calibrated = Torques::of(&other, &model, model.z());
+    let identified = Torques::of(&other, &model, &found.z);
+    let error = |torques: &Torques, joint: usize| norm(&torques.missing[joint]) / norm(&torques.driving[joint]);
     let joints = robot.joints.iter().enumerate().map(|(j, joint)| JointTorque {
         joint: joint.name.clone(),
         unit: crate::model::law::unit_at(joint.kind, "N m").to_string(),
-        rms: norm(&torques.driving[j]) / (other.rows().max(1) as f64).sqrt(),
-        relative_error_calibrated: error(&torques.missing, j),
+        rms: norm(&calibrated.driving[j]) / (other.rows().max(1) as f64).sqrt(),
+        relative_error_calibrated: error(&calibrated, j),
         relative_error_identified: error(&identified, j),
     });
     let joints = joints.collect();
@@ -177,11 +180,13 @@ fn suits(model: &CalibratedModel) -> Result<(), TorqueError> {
     if layout.size() != 2 * robot.joints.len() {
         return Err(TorqueError::OwnStates);
     }
-    let torque_constants = [crate::robot::Symbol::KPwm, crate::robot::Symbol::KT];
-    if model.model().coordinates().iter().any(|coordinate| torque_constants.contains(&coordinate.spec.symbol)) {
-        return Err(TorqueError::UnknownTorque);
-    }
     Ok(())
+}
+
+/// Whether a drive's torque for its input is estimated.
+fn estimates_torque(model: &CalibratedModel) -> bool {
+    let torque_constants = [crate::robot::Symbol::KPwm, crate::robot::Symbol::KT];
+    model.model().coordinates().iter().any(|coordinate| torque_constants.contains(&coordinate.spec.symbol))
 }
 
 /// The motion of a recording, positions filtered at `corner_hz` or at a corner that they choose.
@@ -218,10 +223,10 @@ struct Torques {
 }
 
 impl Torques {
-    /// Of a motion, with the calibrated parameters.
-    fn of(motion: &Motion, model: &CalibratedModel) -> Self {
-        let missing = motion.missing(model.model(), model.z(), true);
-        let undriven = motion.missing(model.model(), model.z(), false);
+    /// Of a motion, with these parameters.
+    fn of(motion: &Motion, model: &CalibratedModel, z: &[f64]) -> Self {
+        let missing = motion.missing(model.model(), z, true);
+        let undriven = motion.missing(model.model(), z, false);
         let driving =
             undriven.iter().zip(&missing).map(|(a, b)| a.iter().zip(b).map(|(a, b)| a - b).collect()).collect();
         Torques { driving, missing }
