@@ -4,12 +4,12 @@
 //! joints. Their derivatives follow from the implicit function: `A ∂a = −∂(M a + c + g) + ∂τ` at fixed a, so only the cheap right side is
 //! differentiated, never the solution of the linear system.
 //!
-//! One drive with its laws depends on a dozen local variables ([`lanes`](super::lanes)); their derivatives are scattered to state components and
+//! One drive with its laws depends on a dozen local variables ([`lanes`](super::drive::lanes)); their derivatives are scattered to state components and
 //! coordinates.
 
+use super::drive::lanes::{BASE, COEFFICIENTS, Drives, FEW_VARIABLES, MOST_VARIABLES, OWN, SOME_VARIABLES, VOLTS};
 use super::drive::{Action, Coefficients, JointLaw};
 use super::inertia::Inertia;
-use super::lanes::{BASE, COEFFICIENTS, Drives, FEW_VARIABLES, MOST_VARIABLES, OWN, SOME_VARIABLES, VOLTS};
 use super::law::{FEW, MANY, SOME};
 use super::laws::OfJoint;
 use super::links::WeightedLinks;

@@ -6,7 +6,7 @@
 //! s: scale of the torques of the speeds, m: a mass       (1 − s)(1 · without + m · mass without) + s (1 · with + m · mass with)
 //! ```
 
-use super::expression::Expression;
+use super::number::expression::Expression;
 use crate::robot::chain::{Chain, MAX_JOINTS};
 
 /// A factor of a weight.

@@ -15,23 +15,18 @@
 
 mod drive;
 mod dynamics;
-mod elementary;
-pub mod expression;
 pub mod fast;
 mod inertia;
 mod input;
 mod integrator;
-mod lanes;
 pub mod law;
 mod laws;
 mod links;
-mod local;
+mod number;
 mod parameters;
-mod quantity;
 mod relaxation;
 pub mod rotation;
 mod sensor;
-mod sensor_laws;
 mod supply;
 #[cfg(test)]
 mod tests;
@@ -39,13 +34,13 @@ pub(crate) mod traced;
 
 pub(crate) use dynamics::MOST_PARTS;
 pub use dynamics::{Dynamics, Linear, LinksAt};
-pub use expression::Expression;
 pub use input::Input;
 pub use integrator::{Integrator, StepSlopes, Stepper};
+pub use number::expression::{self, Expression};
+pub use number::quantity::{Number, Quantity, variable};
 pub use parameters::{Coordinate, Coordinates};
-pub use quantity::{Number, Quantity, variable};
+pub use sensor::laws::{GyroReading, PositionReading, SensorLaws};
 pub use sensor::{GyroSlopes, SensorFrame};
-pub use sensor_laws::{GyroReading, PositionReading, SensorLaws};
 
 use std::sync::Arc;
 
@@ -105,7 +100,7 @@ impl Model {
         let coordinates = Coordinates::of(robot, &laws);
         let (chain, links) = laws::links(robot, &laws, &coordinates)?;
         let model = Self::of(robot, laws, chain, links);
-        let (got, most) = (model.laws.most_variables(), lanes::MOST_VARIABLES);
+        let (got, most) = (model.laws.most_variables(), drive::lanes::MOST_VARIABLES);
         if got > most { Err(ModelError::TooManyVariables { got, most }) } else { Ok(model) }
     }
 

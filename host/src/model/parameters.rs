@@ -7,7 +7,7 @@
 use std::sync::Arc;
 
 use super::law::{Law, Parameters};
-use super::quantity::Quantity;
+use super::number::quantity::Quantity;
 use crate::robot::{ParameterSpec, Robot, Symbol, Transmission};
 
 /// How a solver coordinate z stands for a physical parameter.

@@ -2,7 +2,7 @@
 
 use super::Input;
 use super::dynamics::Dynamics;
-use super::quantity::variable;
+use super::number::quantity::variable;
 use crate::robot::Transmission;
 use crate::robot::chain::Lanes;
 

@@ -5,10 +5,10 @@
 //! function as the estimator's do: `A ∂a = −∂(A a + c + g − τ)` at fixed a.
 
 use super::Model;
+use super::drive::lanes::MOST_VARIABLES;
 use super::drive::{JointLaws, Sides};
-use super::expression::Expression;
-use super::lanes::MOST_VARIABLES;
-use super::quantity::Quantity;
+use super::number::expression::Expression;
+use super::number::quantity::Quantity;
 use crate::robot::Transmission;
 use crate::robot::chain::MAX_JOINTS;
 

@@ -16,8 +16,8 @@ pub use parameters::{Form, LawCoordinate, LawResult, Of, Parameters, unit_at};
 
 use std::sync::Arc;
 
-use super::expression::Expression;
-use super::quantity::Quantity;
+use super::number::expression::Expression;
+use super::number::quantity::Quantity;
 use crate::robot::chain::Lanes;
 use crate::robot::{Body, Side, Vector3};
 

@@ -3,6 +3,8 @@
 use nalgebra::{Const, Matrix3, SVector, Vector3};
 use num_dual::{Derivative, DualSVec64};
 
+pub mod laws;
+
 use super::rotation::skew;
 use crate::robot::chain::{Chain, MAX_JOINTS};
 

@@ -4,26 +4,26 @@
 //! lanes of joint i   | q q̇ θ θ̇ | seven coefficients | supply voltage | parameters of laws | own states of laws | error of the input |
 //! ```
 
-use super::Input;
-use super::drive::{Action, Coefficients};
-use super::law::{FEW, MANY, SOME};
+use super::{Action, Coefficients};
+use crate::model::Input;
+use crate::model::law::{FEW, MANY, SOME};
 use crate::robot::chain::Lanes;
 
 /// Lanes: four sides of a transmission and its seven coefficients are all that the base law of one drive depends on …
-pub(super) const COEFFICIENTS: usize = 4;
-pub(super) const BASE: usize = COEFFICIENTS + Coefficients::<f64>::COUNT;
+pub(in crate::model) const COEFFICIENTS: usize = 4;
+pub(in crate::model) const BASE: usize = COEFFICIENTS + Coefficients::<f64>::COUNT;
 /// … laws depend on the supply and on their own.
-pub(super) const VOLTS: usize = BASE;
-pub(super) const OWN: usize = VOLTS + 1;
+pub(in crate::model) const VOLTS: usize = BASE;
+pub(in crate::model) const OWN: usize = VOLTS + 1;
 
 /// Most parameters and states of laws at one joint.
-pub(super) const MOST_VARIABLES: usize = MANY - OWN;
+pub(in crate::model) const MOST_VARIABLES: usize = MANY - OWN;
 /// As many of them need few lanes, or some.
-pub(super) const FEW_VARIABLES: usize = FEW - OWN;
+pub(in crate::model) const FEW_VARIABLES: usize = FEW - OWN;
 /// See there.
-pub(super) const SOME_VARIABLES: usize = SOME - OWN;
+pub(in crate::model) const SOME_VARIABLES: usize = SOME - OWN;
 
 /// The action of one drive with derivatives by so many lanes.
-pub(super) trait Drives<const N: usize, const V: usize> {
+pub(in crate::model) trait Drives<const N: usize, const V: usize> {
     fn drive(&self, i: usize, x: &[f64], input: &Input<'_>, volts: f64, rates: &mut [Lanes<N>; V]) -> Action<Lanes<N>>;
 }

@@ -1,11 +1,11 @@
 //! The derivatives of one drive with its laws by its local variables, see [`lanes`](super::lanes).
 
-use super::Input;
-use super::drive::{Action, Coefficients, JointLaws, Sides};
-use super::dynamics::Dynamics;
 use super::lanes::{BASE, COEFFICIENTS, Drives, FEW_VARIABLES, MOST_VARIABLES, OWN, SOME_VARIABLES, VOLTS};
-use super::law::{Asked, FEW, MANY, SOME};
-use super::quantity::variable;
+use super::{Action, Coefficients, JointLaws, Sides};
+use crate::model::Input;
+use crate::model::dynamics::Dynamics;
+use crate::model::law::{Asked, FEW, MANY, SOME};
+use crate::model::number::quantity::variable;
 use crate::robot::Transmission;
 use crate::robot::chain::Lanes;
 use solve::simd::compiled_for_this_machine;
@@ -51,7 +51,14 @@ drives_with_laws!(FEW for FEW_VARIABLES, SOME for SOME_VARIABLES, MANY for MOST_
 
 impl Dynamics<'_> {
     /// The action of drive i at a state, its laws' own states' rates into `rates`.
-    pub(super) fn act(&self, i: usize, x: &[f64], input: &Input<'_>, volts: f64, rates: &mut [f64]) -> Action<f64> {
+    pub(in crate::model) fn act(
+        &self,
+        i: usize,
+        x: &[f64],
+        input: &Input<'_>,
+        volts: f64,
+        rates: &mut [f64],
+    ) -> Action<f64> {
         let ([q, qd, theta, thetad], c) = (self.sides(x, i), &self.coefficients[i]);
         let error = self.model.layout.input(i).map_or(0.0, |error| x[error]);
         let sides = Sides { q, qd, theta, thetad, u: input.u[i] + error };
@@ -73,7 +80,7 @@ impl Dynamics<'_> {
 
     /// The same without own states. `rows` is given what adds the derivatives of the link's torque and of the motor's acceleration to a row over state
     /// and coordinates; `supply` has those of the supply voltage.
-    pub(super) fn act_with_rows(
+    pub(in crate::model) fn act_with_rows(
         &self,
         i: usize,
         (x, input, volts): (&[f64], &Input<'_>, f64),

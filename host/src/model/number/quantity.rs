@@ -4,7 +4,7 @@ use super::elementary;
 use crate::robot::chain::{Arithmetic, Lanes};
 
 /// So many widths from its corner a ramp is a line.
-pub(super) const FAR_FROM_CORNER: f64 = 40.0;
+pub(in crate::model) const FAR_FROM_CORNER: f64 = 40.0;
 
 /// A scalar with a value: a number, or one with its derivatives.
 pub trait Number: Arithmetic {
@@ -18,7 +18,7 @@ pub trait Number: Arithmetic {
     fn over(self, divisor: Self) -> Self;
 }
 
-/// What the laws of joints and sensors need of their scalar: every [`Number`] has it, and so has an [`Expression`](super::Expression), which has no value.
+/// What the laws of joints and sensors need of their scalar: every [`Number`] has it, and so has an [`Expression`](super::expression::Expression), which has no value.
 pub trait Quantity: Arithmetic {
     /// 1/x.
     fn recip(self) -> Self;

@@ -2,9 +2,9 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::law::{Broad, GyroAt, Narrow, Of, PositionAt};
-use super::parameters::Source;
-use super::{Expression, Model, variable};
+use crate::model::law::{Broad, GyroAt, Narrow, Of, PositionAt};
+use crate::model::parameters::Source;
+use crate::model::{Expression, Model, variable};
 use crate::robot::Side;
 use crate::robot::chain::Lanes;
 

@@ -7,9 +7,12 @@
 //! Where the input is no voltage, viscous friction v stands in the place of k_mi. o is a constant torque, zero unless the robot has one.
 //! Laws of effects are asked at the quantities that they may change, on the same way.
 
-use super::law::{Asked, At, Hook, Law};
-use super::parameters::{Coordinates, Source};
-use super::quantity::Quantity;
+pub(super) mod lanes;
+mod local;
+
+use crate::model::law::{Asked, At, Hook, Law};
+use crate::model::number::quantity::Quantity;
+use crate::model::parameters::{Coordinates, Source};
 use crate::robot::{Friction, InputUnit, Robot, Side, Symbol, Transmission};
 
 /// The drive of one joint: its laws and where its parameters come from.
@@ -317,7 +320,7 @@ fn sigmoid<T: Quantity>(a: T) -> T {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::quantity::variable;
+    use crate::model::number::quantity::variable;
     use crate::robot::chain::Lanes;
 
     #[test]
