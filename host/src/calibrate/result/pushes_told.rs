@@ -49,7 +49,7 @@ pub(crate) fn sentences(robot: &Robot, pushes: &[Push]) -> Vec<String> {
             .map(|push| format!("{:.2}–{:.2} s ({:+.3} {unit})", push.from_s, push.to_s, push.mean))
             .collect();
         format!(
-            "the input of {joint}{recording} does not explain the motion at {count} time{}, as where somebody pushes the robot or it hits something: {}; nothing is drawn from these",
+            "the input of {joint}{recording} does not explain the motion at {count} time{}, as where somebody pushes the robot, it hits something, or friction at a reversal is not that of the model: {}; these hardly count",
             if count == 1 { "" } else { "s" },
             times.join(", ")
         )
