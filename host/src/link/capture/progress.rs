@@ -10,7 +10,7 @@ pub enum News<'a> {
     Progress(Progress<'a>),
     /// The firmware logged a line, which is in the file as well.
     Log(&'a LogLine),
-    /// The firmware logs and there is no [`Dictionary`] to read it with. Told once.
+    /// The firmware logs and there is no [`Dictionary`](crate::link::Dictionary) to read it with. Told once.
     LogUnread,
     /// The file is closed, however the motion ended.
     Closed(&'a Captured),
