@@ -8,13 +8,15 @@
 //! signal after the rival has taken what it can. Error and information are one number, λ = 1/error² (A. C. Atkinson, D. R. Cox, *Planning experiments for
 //! discriminating between models*, J. R. Stat. Soc. B 36, 1974).
 
+use std::sync::Arc;
+
 use protocol::Motion;
 
 use super::trial::STEP_S;
 use super::{Belief, PlanError};
 use crate::calibrate::information::{SizedCoordinate, SizedLaw};
 use crate::effect::{CATALOGUE, Effect, EffectError, RobotScales};
-use crate::model::law::{Form, LawResult};
+use crate::model::law::{Form, Law, LawResult};
 use crate::robot::{InputUnit, Robot, Symbol};
 use crate::simulate::Rehearsal;
 
@@ -32,13 +34,20 @@ pub fn laws(belief: &Belief, motion: &Motion, effects: &[&'static Effect]) -> Re
 }
 
 /// Whether a motion can be planned that shows an effect on this robot: the firmware can play one, and the effect's size is a number that adds up over it.
-pub fn can_show(robot: &Robot, effect: &Effect) -> bool {
-    let is_played = robot.input.unit == InputUnit::Duty;
-    let law = effect.laws(robot).ok().and_then(|laws| laws.into_iter().next());
-    is_played
-        && law.is_some_and(|law| {
-            !law.is_event() && effect.parameters.iter().any(|p| p.role.is_size() && p.typical.is_some())
-        })
+pub fn can_show(robot: &Robot, effect: &'static Effect) -> bool {
+    let has_typical_size = effect.parameters.iter().any(|p| p.role.is_size() && p.typical.is_some());
+    robot.input.unit == InputUnit::Duty && has_typical_size && usual_law(robot, effect).is_ok()
+}
+
+/// The law that is tried first of an effect, where its tangent tells of it.
+fn usual_law(robot: &Robot, effect: &'static Effect) -> Result<Arc<dyn Law>, PlanError> {
+    let unsuited = EffectError::Unsuited { effect: effect.id, reason: "no law suits it" };
+    let law = effect.laws(robot)?.into_iter().next().ok_or(unsuited)?;
+    if law.is_event() {
+        let reason = "whether it is met at all decides, which no derivative tells";
+        return Err(PlanError::NotForPlans { effect: effect.id, reason });
+    }
+    Ok(law)
 }
 
 /// The scales of the likeliest robot in a motion.
@@ -59,14 +68,9 @@ fn scales(belief: &Belief, motion: &Motion) -> Result<RobotScales, PlanError> {
     Ok(scales)
 }
 
-/// The usual law of an effect.
+/// The usual law of an effect, with the size of each coordinate.
 fn law(belief: &Belief, effect: &'static Effect, scales: &RobotScales) -> Result<SizedLaw, PlanError> {
-    let unfit = |reason| PlanError::NotForPlans { effect: effect.id, reason };
-    let laws = effect.laws(&belief.robot)?;
-    let law = laws.into_iter().next().ok_or(EffectError::Unsuited { effect: effect.id, reason: "no law suits it" })?;
-    if law.is_event() {
-        return Err(unfit("whether it is met at all decides, which no derivative tells"));
-    }
+    let law = usual_law(&belief.robot, effect)?;
     let parameters = law.parameters();
     let start: Vec<f64> = parameters.coordinates.iter().map(|coordinate| coordinate.start).collect();
     let of = |index: usize| -> SizedCoordinate {
@@ -102,7 +106,8 @@ fn law(belief: &Belief, effect: &'static Effect, scales: &RobotScales) -> Result
     };
     let coordinates: Vec<SizedCoordinate> = (0..parameters.coordinates.len()).map(of).collect();
     if coordinates.iter().all(|coordinate| !coordinate.is_size) {
-        return Err(unfit("its size is another one in each recording, or has no typical value"));
+        let reason = "its size is another one in each recording, or has no typical value";
+        return Err(PlanError::NotForPlans { effect: effect.id, reason });
     }
     Ok(SizedLaw { law, coordinates })
 }
