@@ -10,6 +10,8 @@ use serde_json::Value;
 /// The motions that identify; those with a gain of 200 and 800 are for the comparison.
 const IDENTIFIED_ON: [&str; 4] = ["sin_sin_kp100", "sin_sin_kp400", "lift_and_drop_kp100", "lift_and_drop_kp400"];
 const COMPARED_ON: [&str; 2] = ["sin_sin_kp200", "sin_sin_kp800"];
+/// Share of the torque that the parameters leave of each; measured 0.317 and 0.253.
+const LEFT: [f64; 2] = [0.317, 0.253];
 
 /// Least squares of the torques of 16 files: rotor 0.0015 kg m², torque constant over resistance 0.075 N m/V. A hobby servo's friction grows with its load, its supply sags and its
 /// registers are read one after the other: no rigid joint moves so, and that is said first.
@@ -31,18 +33,18 @@ fn a_servo_that_does_not_fit_has_the_parameters_of_its_slow_motion_and_no_name_f
     let calibration = json(&at.path().join("cal.json"));
     println!("{}", calibration["misfit"]);
     assert_eq!(calibration["status"], "does_not_fit");
-    for (name, low, high) in [("b[1]", 0.0009, 0.0021), ("k_pwm[1]", 0.074, 0.094), ("k_mi[1]", 0.05, 0.08)] {
+    for (name, low, high) in [("b[1]", 0.001, 0.002), ("k_pwm[1]", 0.083, 0.085), ("k_mi[1]", 0.066, 0.068)] {
         let found = parameter(&calibration["parameters"], name);
         println!("{name}: {} ± {}", found["estimate"], found["std_error"]);
         within(&found["estimate"], low..=high);
     }
-    for name in COMPARED_ON {
+    for (name, left) in COMPARED_ON.into_iter().zip(LEFT) {
         let compared =
             ["verify", "cal.json", &run(name), "--metric", "torque", "--unchecked", "-o", "torque.json", "--force"];
         host(at.path(), &compared, 0);
         let joint: Value = json(&at.path().join("torque.json"))["joints"][0].clone();
         println!("{name}: {} of {} N m", joint["relative_error_calibrated"], joint["rms"]);
-        within(&joint["relative_error_calibrated"], 0.2..=0.36);
+        within(&joint["relative_error_calibrated"], left - 0.01..=left + 0.01);
         // What parameters of its own would leave of the same motion.
         assert!(joint["relative_error_identified"].as_f64() < joint["relative_error_calibrated"].as_f64(), "{joint}");
     }

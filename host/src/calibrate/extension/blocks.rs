@@ -72,13 +72,11 @@ impl BlockFit {
     }
 }
 
-/// A parameter of a trial's dynamics, and what steps make of it.
+/// A parameter of a trial's dynamics: its slope there, and what steps make of it.
 #[derive(Debug, Clone)]
 pub struct ParameterAt {
     /// As in results.
     pub name: String,
-    /// At the trial.
-    pub value: f64,
     /// By free direction.
     pub slope: DVector<f64>,
     /// After each step.
@@ -262,7 +260,7 @@ impl<'a> Bench<'a> {
         2.0 * (steps * of_step + starts * of_start)
     }
 
-    /// The parameters of a trial on this bench, at it and at `steps` from it, in free directions of [`BlockFit`].
+    /// The parameters of a trial on this bench, their slopes at it and their values at `steps` from it, in free directions of [`BlockFit`].
     ///
     /// # Errors
     /// A model that cannot be built.
@@ -282,12 +280,11 @@ impl<'a> Bench<'a> {
         };
         let stepped: Vec<Vec<f64>> = steps.iter().map(at).collect();
         let parameter = |(i, (name, _)): (usize, (&str, &'static str))| {
-            let (value, slopes) = coordinates.physical_and_slopes(&z, i);
             let mut slope = DVector::zeros(fit.free.ncols());
-            for (own, by) in slopes {
+            for (own, by) in coordinates.physical_and_slopes(&z, i).1 {
                 slope += by * fit.free.row(own).transpose();
             }
-            ParameterAt { name: name.to_string(), value, slope, stepped: stepped.iter().map(|all| all[i]).collect() }
+            ParameterAt { name: name.to_string(), slope, stepped: stepped.iter().map(|all| all[i]).collect() }
         };
         Ok(coordinates.names().enumerate().map(parameter).collect())
     }

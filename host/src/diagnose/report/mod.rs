@@ -257,7 +257,7 @@ impl Evidence<'_> {
         let fewer =
             extended.map_or(1.0, |fit| (bench.series().stages() as f64 / fit.series.stages().max(1) as f64).min(1.0));
         let between = |name: &str| {
-            let found = errors.iter().find(|found| found.parameter.name == name)?;
+            let found = errors.iter().find(|found| found.name == name)?;
             Some((found.error * fewer.sqrt(), found.t95()?)).filter(|(error, _)| error.is_finite())
         };
         let of_trial = || {

@@ -6,17 +6,22 @@
 //! Residuals that are correlated over less than a block are allowed for (the moving-block jackknife: Künsch 1989; Liu and Singh 1992). The degrees of freedom of the variance are
 //! Satterthwaite's: windows overlap, and blocks differ in what they tell of a parameter.
 
+use std::ops::Range;
+
 use nalgebra::DMatrix;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
 use super::cross_validation::left_out_steps;
 use crate::calibrate::{Bench, BlockFit, CalibrateError, ParameterAt, Trial};
 
+/// Singular values of the information, of unit diagonal, below which a direction is rounding.
+const ROUNDING: f64 = 1e-12;
+
 /// A parameter with its error between blocks.
 #[derive(Debug, Clone)]
 pub struct BetweenBlocks {
-    /// What it is, at the trial and without each block.
-    pub parameter: ParameterAt,
+    /// As in results.
+    pub name: String,
     /// Standard error.
     pub error: f64,
     /// Degrees of freedom of the error.
@@ -45,29 +50,30 @@ pub fn between_blocks(
     let whole = fit.blocks.iter().fold(fit.prior.clone(), |sum, block| sum + &block.information);
     let scale = whole.diagonal().map(|d| if d > 0.0 { d.sqrt().recip() } else { 0.0 });
     let scaled = DMatrix::from_fn(whole.nrows(), whole.ncols(), |i, j| scale[i] * scale[j] * whole[(i, j)]);
-    let inverse = scaled.svd(true, true).pseudo_inverse(LEAST).map_err(|_| CalibrateError::Undetermined)?;
+    let inverse = scaled.svd(true, true).pseudo_inverse(ROUNDING).map_err(|_| CalibrateError::Undetermined)?;
     let with_error = |parameter: ParameterAt| {
         let direction = (&inverse * parameter.slope.component_mul(&scale)).component_mul(&scale);
         let share: Vec<f64> =
             fit.blocks.iter().map(|block| direction.dot(&(&block.information * &direction))).collect();
-        BetweenBlocks { error: error(&parameter.stepped, &windows), freedom: freedom(&share, &windows), parameter }
+        BetweenBlocks {
+            error: error(&parameter.stepped, &windows),
+            freedom: freedom(&share, &windows),
+            name: parameter.name,
+        }
     };
     Ok(bench.parameters_at(trial, fit, &steps)?.into_iter().map(with_error).collect())
 }
 
-/// Directions of less than this share of the best known one are not known.
-const LEAST: f64 = 1e-12;
-
 /// The blocks that are left out with each.
-fn windows(blocks: usize, contiguous: &[bool]) -> Vec<std::ops::Range<usize>> {
+fn windows(blocks: usize, contiguous: &[bool]) -> Vec<Range<usize>> {
     let follows = |block: usize| contiguous.get(block).copied().unwrap_or(false);
     (0..blocks).map(|b| b - usize::from(b > 0 && follows(b - 1))..b + 1 + usize::from(follows(b))).collect()
 }
 
-fn error(without: &[f64], windows: &[std::ops::Range<usize>]) -> f64 {
+fn error(without: &[f64], windows: &[Range<usize>]) -> f64 {
     let count = without.len() as f64;
     let mean = without.iter().sum::<f64>() / count;
-    let of_window = |(value, window): (&f64, &std::ops::Range<usize>)| {
+    let of_window = |(value, window): (&f64, &Range<usize>)| {
         let left_out = window.len() as f64;
         (count - left_out) / (count * left_out) * (value - mean).powi(2)
     };
@@ -75,11 +81,11 @@ fn error(without: &[f64], windows: &[std::ops::Range<usize>]) -> f64 {
 }
 
 /// Of a mean square of sums over windows, where block b has this share of the information.
-fn freedom(shares: &[f64], windows: &[std::ops::Range<usize>]) -> f64 {
-    let common = |a: &std::ops::Range<usize>, b: &std::ops::Range<usize>| {
+fn freedom(shares: &[f64], windows: &[Range<usize>]) -> f64 {
+    let common = |a: &Range<usize>, b: &Range<usize>| {
         shares[a.start.max(b.start)..a.end.min(b.end).max(a.start.max(b.start))].iter().sum::<f64>()
     };
-    let weight = |window: &std::ops::Range<usize>| (window.len() as f64).recip();
+    let weight = |window: &Range<usize>| (window.len() as f64).recip();
     let trace: f64 = windows.iter().map(|a| weight(a) * common(a, a)).sum();
     let squares: f64 =
         windows.iter().flat_map(|a| windows.iter().map(move |b| weight(a) * weight(b) * common(a, b).powi(2))).sum();
@@ -95,7 +101,7 @@ mod tests {
     use super::*;
 
     /// A mean of `blocks` numbers, each of which has `correlation` with the next one: its value and those without each window.
-    fn mean(rng: &mut ChaCha8Rng, blocks: usize, correlation: f64, contiguous: bool) -> BetweenBlocks {
+    fn mean(rng: &mut ChaCha8Rng, blocks: usize, correlation: f64, contiguous: bool) -> (f64, BetweenBlocks) {
         let windows = windows(blocks, &vec![contiguous; blocks - 1]);
         let mut last: f64 = StandardNormal.sample(rng);
         let readings: Vec<f64> = (0..blocks)
@@ -111,9 +117,7 @@ mod tests {
             .map(|window| (all - readings[window.clone()].iter().sum::<f64>()) / (blocks - window.len()) as f64);
         let without: Vec<f64> = without.collect();
         let (error, freedom) = (error(&without, &windows), freedom(&vec![1.0 / blocks as f64; blocks], &windows));
-        let value = all / blocks as f64;
-        let parameter = ParameterAt { name: "m".into(), value, slope: nalgebra::DVector::zeros(1), stepped: without };
-        BetweenBlocks { parameter, error, freedom }
+        (all / blocks as f64, BetweenBlocks { name: "m".into(), error, freedom })
     }
 
     #[test]
@@ -128,8 +132,8 @@ mod tests {
         ] {
             let mut rng = ChaCha8Rng::seed_from_u64(3);
             let misses = |_: &usize| {
-                let found = mean(&mut rng, blocks, correlation, contiguous);
-                found.parameter.value.abs() > found.error * found.t95().unwrap()
+                let (value, found) = mean(&mut rng, blocks, correlation, contiguous);
+                value.abs() > found.error * found.t95().unwrap()
             };
             let missed = (0..4000).filter(misses).count() as f64 / 4000.0;
             assert!((least..=most).contains(&missed), "{correlation}, {contiguous}: {missed}");

@@ -185,8 +185,8 @@ fn suits(model: &CalibratedModel) -> Result<(), TorqueError> {
 
 /// Whether a drive's torque for its input is estimated.
 fn estimates_torque(model: &CalibratedModel) -> bool {
-    let torque_constants = [crate::robot::Symbol::KPwm, crate::robot::Symbol::KT];
-    model.model().coordinates().iter().any(|coordinate| torque_constants.contains(&coordinate.spec.symbol))
+    let constant = model.robot().input.unit.torque_constant();
+    model.model().coordinates().iter().any(|coordinate| Some(coordinate.spec.symbol) == constant)
 }
 
 /// The motion of a recording, positions filtered at `corner_hz` or at a corner that they choose.
