@@ -1,12 +1,13 @@
 //! Cable spring: a cable harness or a costume pulls the link back.
 //!
 //! ```text
-//! M q̈ = −τ_c − k_c q
+//! M q̈ = −τ_c − k_c q             drawn to the middle pose
+//! M q̈ = −τ_c − k_c q − preload   at rest elsewhere, at q = −preload / k_c
 //! ```
 
 use rand::Rng;
 
-use super::surrogate::{At, Hook, Law, Laws, Of, Parameters, Quantity, acts_on_joints, only};
+use super::surrogate::{At, Hook, Law, Laws, Of, Parameters, Quantity, acts_on_joints, each};
 use super::{Effect, EffectError, EffectParameter, Hidden, Moment, Physics, Row, Scale, Size, draw};
 use crate::robot::Robot;
 
@@ -18,10 +19,12 @@ pub(super) const EFFECT: Effect = Effect {
     parameters: &[EffectParameter::size("k_c[i]", "N m/rad")
         .typically(0.04, 0.5, Scale::TorqueRmsPerRadian)
         .sizes("0.6, 1.6, 4.4 where k_s is 400 (0.5 to 5 met)")],
-    nuisances: &[],
+    nuisances: &[
+        EffectParameter::nuisance("preload[i]", "N m").sizes("its torque at q = 0, where it is not at rest there")
+    ],
     confounded_with: &["gravity_residual"],
     about: "Cables that cross a joint are bent by it and push back, a costume is stretched. The robot is drawn to its \
-            middle pose, on joints that feel no gravity as well.",
+            middle pose, or to where cable and costume are at rest, on joints that feel no gravity as well.",
     make,
     laws,
 };
@@ -48,7 +51,7 @@ fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectEr
     Ok(Hidden { id: EFFECT.id, values, physics: Box::new(CableSpring { k_c }) })
 }
 
-/// Linear in k_c.
+/// Linear in k_c and the preload, which not all laws and joints have.
 #[derive(Debug)]
 struct CableLaw {
     parameters: Parameters,
@@ -69,15 +72,68 @@ impl Law for CableLaw {
 impl CableLaw {
     #[inline(always)]
     fn act<T: Quantity>(&self, _hook: Hook, at: &At<'_, T>, load: T) -> T {
-        let [k_c] = *at.parameters else { return load };
-        load + k_c * at.q
+        match *at.parameters {
+            [k_c] => load + k_c * at.q,
+            [k_c, preload] => load + k_c * at.q + preload,
+            _ => load,
+        }
     }
 }
 
 fn laws(robot: &Robot) -> Laws {
-    let mut parameters = Parameters::on(EFFECT.id, robot);
-    for joint in draw::all(robot) {
-        parameters.plain("k_c", "N m/rad", Of::Joint(joint), 0.0);
+    let law = |preloaded: &[usize]| {
+        let mut parameters = Parameters::on(EFFECT.id, robot);
+        for joint in draw::all(robot) {
+            parameters.plain("k_c", "N m/rad", Of::Joint(joint), 0.0);
+        }
+        for &joint in preloaded {
+            parameters.plain("preload", "N m", Of::Joint(joint), 0.0);
+        }
+        CableLaw { parameters }
+    };
+    // A constant torque that the description has is the preload already.
+    let mut preloaded = draw::all(robot);
+    preloaded.retain(|joint| !draw::has_offset(robot, *joint));
+    let at_rest_in_the_middle = law(&[]);
+    if preloaded.is_empty() { each([at_rest_in_the_middle]) } else { each([at_rest_in_the_middle, law(&preloaded)]) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_spring_at_rest_elsewhere_pulls_by_its_way_from_there() {
+        let robot = Robot::builtin("doggy").unwrap();
+        let laws = laws(&robot).unwrap();
+        let at = |parameters| At {
+            joint: 0,
+            time_s: 0.0,
+            q: 0.3,
+            qd: 0.0,
+            theta: 0.0,
+            thetad: 0.0,
+            driving: 0.0,
+            k_mi: 0.0,
+            mu: 0.0,
+            k_s: 0.0,
+            d_s: 0.0,
+            friction_speed: 0.0,
+            friction_sign: 0.0,
+            transmitted: 0.0,
+            parameters,
+            own: 0.0,
+        };
+        // 2 N m/rad, at rest at 0.5 rad: 2 (0.3 − 0.5) N m beside the 1 N m of others. atol 1e-15 N m.
+        let load = laws[1].plain(Hook::LinkLoad, &at(&[2.0, -1.0]), 1.0);
+        assert!((load - 0.6).abs() < 1e-15, "{load}");
+        let load = laws[0].plain(Hook::LinkLoad, &at(&[2.0]), 1.0);
+        assert!((load - 1.6).abs() < 1e-15, "{load}");
     }
-    only(CableLaw { parameters })
+
+    #[test]
+    fn a_joint_whose_offset_is_described_has_no_preload_beside_it() {
+        let robot = Robot::builtin("xl330_pendulum").unwrap();
+        assert_eq!(laws(&robot).unwrap().len(), 1);
+    }
 }

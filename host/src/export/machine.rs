@@ -82,17 +82,25 @@ pub(super) struct JointValues {
     pub offset: f64,
     pub stiffness: f64,
     pub damping: f64,
-    /// Coulomb and viscous friction on the link, constant torque, a spring to zero, drag.
+    /// Coulomb and viscous friction on the link, constant torque, a spring and its torque at zero, drag.
     pub link_coulomb: f64,
     pub link_viscous: f64,
     pub link_offset: f64,
     pub link_spring: f64,
+    pub link_preload: f64,
     pub drag: f64,
     /// Cubic stiffness.
     pub cubic: f64,
     pub half_gap: f64,
     /// Speed above which friction is that of sliding to a hundredth.
     pub slides_at: f64,
+}
+
+impl JointValues {
+    /// Where the spring on the link is at rest; none without one.
+    pub(super) fn link_spring_rest(&self) -> Option<f64> {
+        (self.link_spring != 0.0).then(|| (0.0 - self.link_preload) / self.link_spring)
+    }
 }
 
 impl Exported<'_> {
@@ -142,6 +150,7 @@ impl Exported<'_> {
             link_viscous: on(true, rubbing) + self.of_effect("link_friction", "v_l", joint),
             link_offset: on(true, offset),
             link_spring: self.of_effect("cable_spring", "k_c", joint),
+            link_preload: self.of_effect("cable_spring", "preload", joint),
             drag: self.of_effect("quadratic_drag", "c", joint),
             cubic: self.of_effect("belt_hardening", "k3", joint),
             half_gap: self.of_effect("backlash", "h", joint),

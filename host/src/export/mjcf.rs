@@ -200,7 +200,10 @@ fn joints(text: &mut String, indent: &str, joint: &Joint, values: &JointValues) 
         let [low, high] = joint.limits;
         let friction = attribute("frictionloss", values.coulomb + values.link_coulomb);
         let all = [armature, damping(values.viscous + values.link_viscous, values.drag), friction].concat();
-        let spring = attribute("stiffness", values.link_spring);
+        let spring = match values.link_spring_rest() {
+            Some(rest) => attribute("stiffness", values.link_spring) + &attribute("springref", rest),
+            None => String::new(),
+        };
         let _ = writeln!(text, "{}{all}{spring} range=\"{low} {high}\"/>", head(joint.name.clone()));
     }
 }
@@ -224,8 +227,8 @@ fn tendons(text: &mut String, exported: &Exported<'_>) {
     for (i, joint) in robot.joints.iter().enumerate().filter(|(_, joint)| is_elastic(joint)) {
         let (values, [low, high], name) = (exported.joint_values(i), joint.limits, &joint.name);
         let mut rest = attribute("frictionloss", values.link_coulomb) + &damping(values.link_viscous, values.drag);
-        if values.link_spring != 0.0 {
-            rest += &format!(" stiffness=\"{}\" springlength=\"0\"", values.link_spring);
+        if let Some(at) = values.link_spring_rest() {
+            rest += &format!(" stiffness=\"{}\" springlength=\"{at}\"", values.link_spring);
         }
         let _ = writeln!(text, "    <fixed name=\"{name}\" range=\"{low} {high}\"{rest}>");
         let _ = writeln!(

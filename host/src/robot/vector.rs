@@ -64,16 +64,23 @@ pub(super) fn cross_constant<T: Arithmetic>(a: [T; 3], b: Vector3) -> [T; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
+/// a · b with a constant b.
+#[inline(always)]
+fn dot_constant<T: Arithmetic>(a: [T; 3], b: Vector3) -> T {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
 /// m v with a constant m.
 #[inline(always)]
 pub(super) fn apply<T: Arithmetic>(m: &Matrix3, v: [T; 3]) -> [T; 3] {
-    std::array::from_fn(|i| v[0] * m[i][0] + v[1] * m[i][1] + v[2] * m[i][2])
+    // The standard library's maps of arrays are not inlined everywhere.
+    [dot_constant(v, m[0]), dot_constant(v, m[1]), dot_constant(v, m[2])]
 }
 
 /// mᵀ v with a constant m.
 #[inline(always)]
 pub(super) fn apply_transposed<T: Arithmetic>(m: &Matrix3, v: [T; 3]) -> [T; 3] {
-    std::array::from_fn(|i| v[0] * m[0][i] + v[1] * m[1][i] + v[2] * m[2][i])
+    apply(&transpose(m), v)
 }
 
 #[inline(always)]
@@ -81,8 +88,10 @@ pub(super) fn constant<T: Arithmetic>(v: Vector3) -> [T; 3] {
     v.map(T::from)
 }
 
+#[inline(always)]
 pub(super) fn transpose(m: &Matrix3) -> Matrix3 {
-    std::array::from_fn(|i| std::array::from_fn(|j| m[j][i]))
+    let [[a, b, c], [d, e, f], [g, h, i]] = *m;
+    [[a, d, g], [b, e, h], [c, f, i]]
 }
 
 pub(super) fn product(a: &Matrix3, b: &Matrix3) -> Matrix3 {

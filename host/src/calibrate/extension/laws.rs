@@ -57,7 +57,9 @@ pub(crate) fn laws_of<S: AsRef<str>>(
         let mut alternatives = effect.laws(robot)?;
         let sharp: Laws = alternatives.iter().filter_map(|law| law.sharp()).collect();
         alternatives.extend(sharp);
-        let place = alternatives.iter().position(suits).unwrap_or(0);
+        // Of shapes that suit, the one with most results: the others leave some of them unsaid.
+        let suited = (0..alternatives.len()).filter(|place| suits(&alternatives[*place]));
+        let place = suited.rev().max_by_key(|place| alternatives[*place].parameters().results.len()).unwrap_or(0);
         Ok(alternatives.swap_remove(place))
     });
     chosen.collect()
@@ -170,5 +172,16 @@ mod tests {
             assert!(matches!(found, Some(Form::Chosen(value)) if value == told), "{corner} of {told}: {results:?}");
             assert!(id == "end_stop" || has("belt_tooth_skip.step[2]"), "{results:?}");
         }
+    }
+
+    #[test]
+    fn a_calibration_read_again_has_the_shape_that_says_all_its_results() {
+        let robot = Robot::builtin("doggy").unwrap();
+        let count = |told: &[&str]| {
+            let value = |name: &str| told.iter().any(|symbol| name.contains(symbol)).then_some(1.0);
+            laws_of(&robot, &["cable_spring"], value).unwrap()[0].parameters().results.len()
+        };
+        assert_eq!(count(&["k_c"]), 3);
+        assert_eq!(count(&["k_c", "preload"]), 6);
     }
 }

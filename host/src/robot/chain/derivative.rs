@@ -2,9 +2,6 @@
 
 use super::{Chain, Lanes, MAX_JOINTS};
 
-/// Directions carried by one pass: one pass for the usual three joints.
-const WIDTH: usize = 3;
-
 impl Chain {
     /// The torque τ = [`Self::link_torque`] and its derivatives at constant q̈.
     ///
@@ -19,47 +16,54 @@ impl Chain {
         by_q: &mut [f64],
         by_qd: &mut [f64],
     ) {
-        self.slopes(q, qd, qdd, Wrt::Position, tau, by_q);
-        if self.coriolis {
-            self.slopes(q, qd, qdd, Wrt::Speed, tau, by_qd);
-        } else {
-            by_qd.fill(0.0);
+        let n = self.links.len();
+        let directions = if self.coriolis { 2 * n } else { n };
+        by_qd.fill(0.0);
+        // As many at a time as there are, up to eight: two vectors of a usual machine.
+        let at = [q, qd, qdd];
+        match (directions, n) {
+            (..=2, _) => self.slopes::<2, 2>(at, directions, tau, [by_q, by_qd]),
+            (..=4, _) => self.slopes::<4, 4>(at, directions, tau, [by_q, by_qd]),
+            (..=6, ..=3) => self.slopes::<6, 3>(at, directions, tau, [by_q, by_qd]),
+            (_, ..=4) => self.slopes::<8, 4>(at, directions, tau, [by_q, by_qd]),
+            _ => self.slopes::<8, MAX_JOINTS>(at, directions, tau, [by_q, by_qd]),
         }
     }
 
-    fn slopes(&self, q: &[f64], qd: &[f64], qdd: &[f64], wrt: Wrt, tau: &mut [f64], out: &mut [f64]) {
+    /// Derivatives by `directions` of the positions, then of the speeds, `W` at a time; of a chain of at most `L` links.
+    fn slopes<const W: usize, const L: usize>(
+        &self,
+        [q, qd, qdd]: [&[f64]; 3],
+        directions: usize,
+        tau: &mut [f64],
+        by: [&mut [f64]; 2],
+    ) {
         let n = self.links.len();
         let constant = |v: &[f64]| {
-            let mut lanes = [Lanes::<WIDTH>::from(0.0); MAX_JOINTS];
+            let mut lanes = [Lanes::<W>::from(0.0); L];
             for (lane, value) in lanes.iter_mut().zip(v) {
                 lane.re = *value;
             }
             lanes
         };
         let qdd = constant(qdd);
-        for first in (0..n).step_by(WIDTH) {
-            let mut q = constant(q);
-            let mut qd = constant(qd);
-            let varied = match wrt {
-                Wrt::Position => &mut q,
-                Wrt::Speed => &mut qd,
-            };
-            let width = WIDTH.min(n - first);
+        for first in (0..directions).step_by(W) {
+            let mut varied = [constant(q), constant(qd)];
+            let width = W.min(directions - first);
             for lane in 0..width {
-                varied[first + lane].slope[lane] = 1.0;
+                let direction = first + lane;
+                varied[direction / n][direction % n].slope[lane] = 1.0;
             }
-            let mut torque = [Lanes::from(0.0); MAX_JOINTS];
+            let [q, qd] = varied;
+            let mut torque = [Lanes::from(0.0); L];
             self.link_torque(&q[..n], &qd[..n], &qdd[..n], &mut torque[..n]);
             for (i, torque) in torque[..n].iter().enumerate() {
                 tau[i] = torque.re;
-                out[i * n + first..][..width].copy_from_slice(&torque.slope[..width]);
+                for (lane, slope) in torque.slope[..width].iter().enumerate() {
+                    let direction = first + lane;
+                    by[direction / n][i * n + direction % n] = *slope;
+                }
             }
         }
     }
-}
-
-#[derive(Clone, Copy)]
-enum Wrt {
-    Position,
-    Speed,
 }

@@ -2,6 +2,7 @@
 
 use super::super::vector::{Arithmetic, add, constant, cross, cross_constant, dot, scale};
 use super::{Chain, GravityLoad, JointKind, Link, MAX_JOINTS, Symmetric};
+use solve::simd::compiled_for_this_machine;
 
 /// Motion of a link at its origin, in its own axes.
 #[derive(Clone, Copy)]
@@ -18,9 +19,21 @@ struct Wrench<T> {
     moment: [T; 3],
 }
 
+/// Links of a short chain: what is known of its links stands in short arrays.
+const SHORT: usize = 3;
+
 impl Chain {
     /// Joint-space mass matrix M(q), n×n by rows, kg m² (kg, kg m for prismatic joints).
     pub fn mass_matrix<T: Arithmetic>(&self, q: &[T], m: &mut [T]) {
+        compiled_for_this_machine(
+            #[inline(always)]
+            || self.composite_bodies(q, m),
+        );
+    }
+
+    /// [`Self::mass_matrix`] by composite rigid bodies.
+    #[inline(always)]
+    fn composite_bodies<T: Arithmetic>(&self, q: &[T], m: &mut [T]) {
         let n = self.links.len();
         let mut turns = [(T::from(0.0), T::from(1.0)); MAX_JOINTS];
         for (i, link) in self.links.iter().enumerate() {
@@ -54,12 +67,12 @@ impl Chain {
     ///
     /// `qd`: speeds, or `None` to leave Coriolis and centrifugal terms out. Slices hold one value a joint; N m or N.
     pub fn inverse_dynamics<T: Arithmetic>(&self, q: &[T], qd: Option<&[T]>, qdd: &[T], tau: &mut [T]) {
-        self.newton_euler(0, Motion::rest(), q, qd, Some(qdd), tau);
+        self.newton_euler(Motion::rest(), q, qd, Some(qdd), tau);
     }
 
     /// Gravity torque g(q): what the joints have to hold. Zero where gravity is compensated.
     pub fn gravity_torque<T: Arithmetic>(&self, q: &[T], tau: &mut [T]) {
-        self.newton_euler(0, self.free_fall(), q, None, None, tau);
+        self.newton_euler(self.free_fall(), q, None, None, tau);
         for (link, tau) in self.links.iter().zip(tau) {
             if link.gravity == GravityLoad::Compensated {
                 *tau = T::from(0.0);
@@ -72,7 +85,7 @@ impl Chain {
         let qd = self.coriolis.then_some(qd);
         let has_gravity = self.has_gravity();
         if has_gravity && self.bears_gravity() {
-            self.newton_euler(0, self.free_fall(), q, qd, Some(qdd), tau);
+            self.newton_euler(self.free_fall(), q, qd, Some(qdd), tau);
             return;
         }
         self.inverse_dynamics(q, qd, qdd, tau);
@@ -90,7 +103,7 @@ impl Chain {
         tau.fill(T::from(0.0));
         let has_gravity = self.has_gravity();
         if has_gravity && self.coriolis && self.bears_gravity() {
-            self.newton_euler(0, self.free_fall(), q, Some(qd), None, tau);
+            self.newton_euler(self.free_fall(), q, Some(qd), None, tau);
             return;
         }
         if has_gravity {
@@ -98,7 +111,7 @@ impl Chain {
         }
         if self.coriolis {
             let mut coriolis = [T::from(0.0); MAX_JOINTS];
-            self.newton_euler(0, Motion::rest(), q, Some(qd), None, &mut coriolis[..self.links.len()]);
+            self.newton_euler(Motion::rest(), q, Some(qd), None, &mut coriolis[..self.links.len()]);
             for (tau, coriolis) in tau.iter_mut().zip(coriolis) {
                 *tau += coriolis;
             }
@@ -110,41 +123,88 @@ impl Chain {
         Motion { linear: constant(self.gravity_m_s2.map(|g| -g)), ..Motion::rest() }
     }
 
-    /// Recursive Newton–Euler from link `i` outwards; returns what the outer chain asks of link `i − 1`, in its axes.
-    ///
-    /// The recursion is as deep as the chain, at most [`MAX_JOINTS`].
+    /// Newton and Euler: the motion from link to link outwards from that of the base, then the wrenches back inwards. Speeds or accelerations that are none
+    /// are zero and cost nothing.
     fn newton_euler<T: Arithmetic>(
         &self,
-        i: usize,
-        previous: Motion<T>,
+        base: Motion<T>,
         q: &[T],
         qd: Option<&[T]>,
         qdd: Option<&[T]>,
         tau: &mut [T],
-    ) -> Wrench<T> {
-        let Some(link) = self.links.get(i) else {
-            return Wrench { force: [T::from(0.0); 3], moment: [T::from(0.0); 3] };
-        };
-        let turn = link.turn(q[i]);
-        let origin = link.origin(q[i]);
-        let mut linear = add(previous.linear, cross(previous.angular, origin));
+    ) {
+        if self.links.len() <= SHORT {
+            compiled_for_this_machine(
+                #[inline(always)]
+                || self.out_and_back::<T, SHORT>(base, q, qd, qdd, tau),
+            );
+        } else {
+            compiled_for_this_machine(
+                #[inline(always)]
+                || self.out_and_back::<T, MAX_JOINTS>(base, q, qd, qdd, tau),
+            );
+        }
+    }
+
+    /// [`Self::newton_euler`] of a chain of at most `L` links.
+    #[inline(always)]
+    fn out_and_back<T: Arithmetic, const L: usize>(
+        &self,
+        base: Motion<T>,
+        q: &[T],
+        qd: Option<&[T]>,
+        qdd: Option<&[T]>,
+        tau: &mut [T],
+    ) {
+        let mut needs = [Wrench::nothing(); L];
+        let mut turns = [(T::from(0.0), T::from(1.0)); L];
+        let mut motion = base;
+        for (i, link) in self.links.iter().enumerate() {
+            turns[i] = link.turn(q[i]);
+            motion = link.motion(turns[i], &motion, (q[i], qd.map(|qd| qd[i]), qdd.map(|qdd| qdd[i])));
+            needs[i] = link.needs(&motion, qd.is_some());
+        }
+        let mut outer = Wrench::nothing();
+        for (i, link) in self.links.iter().enumerate().rev() {
+            let total = Wrench { force: add(needs[i].force, outer.force), moment: add(needs[i].moment, outer.moment) };
+            tau[i] = match link.kind {
+                JointKind::Revolute => total.moment[2],
+                JointKind::Prismatic => total.force[2],
+            };
+            if i > 0 {
+                outer = total.on_previous(link, turns[i], q[i]);
+            }
+        }
+    }
+}
+
+impl Link {
+    /// Its motion by that of the previous link, its position and, where they are not zero, its speed and acceleration.
+    #[inline(always)]
+    fn motion<T: Arithmetic>(
+        &self,
+        turn: (T, T),
+        previous: &Motion<T>,
+        (q, qd, qdd): (T, Option<T>, Option<T>),
+    ) -> Motion<T> {
+        let mut linear = add(previous.linear, self.cross_origin(previous.angular, q));
         if qd.is_some() {
-            linear = add(linear, cross(previous.rate, cross(previous.rate, origin)));
+            linear = add(linear, cross(previous.rate, self.cross_origin(previous.rate, q)));
         }
         let mut motion = Motion {
             rate: previous.rate,
-            angular: link.inwards(turn, previous.angular),
-            linear: link.inwards(turn, linear),
+            angular: self.inwards(turn, previous.angular),
+            linear: self.inwards(turn, linear),
         };
         if let Some(qd) = qd {
-            motion.rate = link.inwards(turn, previous.rate);
+            motion.rate = self.inwards(turn, previous.rate);
             // ω × z q̇ = (ω_y, −ω_x, 0) q̇
-            let swept = [motion.rate[1] * qd[i], -motion.rate[0] * qd[i]];
-            match link.kind {
+            let swept = [motion.rate[1] * qd, -motion.rate[0] * qd];
+            match self.kind {
                 JointKind::Revolute => {
                     motion.angular[0] += swept[0];
                     motion.angular[1] += swept[1];
-                    motion.rate[2] += qd[i];
+                    motion.rate[2] += qd;
                 }
                 JointKind::Prismatic => {
                     motion.linear[0] += swept[0] * 2.0;
@@ -153,29 +213,29 @@ impl Chain {
             }
         }
         if let Some(qdd) = qdd {
-            match link.kind {
-                JointKind::Revolute => motion.angular[2] += qdd[i],
-                JointKind::Prismatic => motion.linear[2] += qdd[i],
+            match self.kind {
+                JointKind::Revolute => motion.angular[2] += qdd,
+                JointKind::Prismatic => motion.linear[2] += qdd,
             }
         }
-
-        let outer = self.newton_euler(i + 1, motion, q, qd, qdd, tau);
-        let own = link.needs(&motion, qd.is_some());
-        let total = Wrench { force: add(own.force, outer.force), moment: add(own.moment, outer.moment) };
-        tau[i] = match link.kind {
-            JointKind::Revolute => total.moment[2],
-            JointKind::Prismatic => total.force[2],
-        };
-        total.on_previous(link, turn, q[i])
+        motion
     }
-}
 
-impl Link {
+    /// a × p, p where its origin stands in the previous link's axes.
+    #[inline(always)]
+    fn cross_origin<T: Arithmetic>(&self, a: [T; 3], q: T) -> [T; 3] {
+        match self.kind {
+            JointKind::Revolute => cross_constant(a, self.origin_m),
+            JointKind::Prismatic => cross(a, self.origin(q)),
+        }
+    }
+
     /// Newton and Euler at the link's origin: f = m a + α × h + ω × (ω × h), n = I α + ω × I ω + h × a.
     #[inline(always)]
     fn needs<T: Arithmetic>(&self, motion: &Motion<T>, with_rate: bool) -> Wrench<T> {
         let h = self.first_moment;
-        let mut force = add(scale(motion.linear, T::from(self.mass_kg)), cross_constant(motion.angular, h));
+        let [x, y, z] = motion.linear;
+        let mut force = add([x * self.mass_kg, y * self.mass_kg, z * self.mass_kg], cross_constant(motion.angular, h));
         let along = cross_constant(motion.linear, h);
         let mut moment = self.inertia.apply(motion.angular);
         for axis in 0..3 {
@@ -197,12 +257,18 @@ impl<T: Arithmetic> Motion<T> {
 }
 
 impl<T: Arithmetic> Wrench<T> {
+    #[inline(always)]
+    fn nothing() -> Self {
+        Wrench { force: [T::from(0.0); 3], moment: [T::from(0.0); 3] }
+    }
+
     /// The same wrench at the previous link's origin and in its axes.
     #[inline(always)]
     fn on_previous(&self, link: &Link, turn: (T, T), q: T) -> Self {
         let force = link.outwards(turn, self.force);
-        let moment = add(link.outwards(turn, self.moment), cross(link.origin(q), force));
-        Self { force, moment }
+        let [x, y, z] = link.cross_origin(force, q);
+        let turned = link.outwards(turn, self.moment);
+        Self { force, moment: [turned[0] - x, turned[1] - y, turned[2] - z] }
     }
 }
 
