@@ -210,6 +210,7 @@ fn laws(robot: &Robot) -> Laws {
 
 #[cfg(test)]
 mod tests {
+    use super::super::surrogate::still;
     use super::*;
 
     /// The torque of a slip element of 100 N m/rad that slips at 8 mrad, wound from nothing along these winds (rad) at a speed (rad/s) in small steps: at each of them.
@@ -218,24 +219,7 @@ mod tests {
         let law = laws(&robot).unwrap().into_iter().find(|law| law.parameters().results[1].name.contains("slip"));
         let law = law.unwrap();
         let parameters = [100.0, 8e-3_f64.ln()];
-        let at = |own: f64, rate: f64| At {
-            joint: 0,
-            time_s: 0.0,
-            q: 0.0,
-            qd: rate,
-            theta: 0.0,
-            thetad: 0.0,
-            driving: 0.0,
-            k_mi: 0.0,
-            mu: 0.0,
-            k_s: 0.0,
-            d_s: 0.0,
-            friction_speed: 0.0,
-            friction_sign: 0.0,
-            transmitted: 0.0,
-            parameters: &parameters,
-            own,
-        };
+        let at = |own: f64, rate: f64| At { qd: rate, own, ..still(&parameters) };
         let (mut own, mut wind_rad) = (0.0, 0.0);
         let step = |to: &f64| {
             let steps = 20_000;

@@ -94,36 +94,20 @@ fn laws(robot: &Robot) -> Laws {
     // A constant torque that the description has is the preload already.
     let mut preloaded = draw::all(robot);
     preloaded.retain(|joint| !draw::has_offset(robot, *joint));
-    let at_rest_in_the_middle = law(&[]);
-    if preloaded.is_empty() { each([at_rest_in_the_middle]) } else { each([at_rest_in_the_middle, law(&preloaded)]) }
+    let elsewhere = (!preloaded.is_empty()).then(|| law(&preloaded));
+    each([law(&[])].into_iter().chain(elsewhere))
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::surrogate::still;
     use super::*;
 
     #[test]
     fn a_spring_at_rest_elsewhere_pulls_by_its_way_from_there() {
         let robot = Robot::builtin("doggy").unwrap();
         let laws = laws(&robot).unwrap();
-        let at = |parameters| At {
-            joint: 0,
-            time_s: 0.0,
-            q: 0.3,
-            qd: 0.0,
-            theta: 0.0,
-            thetad: 0.0,
-            driving: 0.0,
-            k_mi: 0.0,
-            mu: 0.0,
-            k_s: 0.0,
-            d_s: 0.0,
-            friction_speed: 0.0,
-            friction_sign: 0.0,
-            transmitted: 0.0,
-            parameters,
-            own: 0.0,
-        };
+        let at = |parameters| At { q: 0.3, ..still(parameters) };
         // 2 N m/rad, at rest at 0.5 rad: 2 (0.3 − 0.5) N m beside the 1 N m of others. atol 1e-15 N m.
         let load = laws[1].plain(Hook::LinkLoad, &at(&[2.0, -1.0]), 1.0);
         assert!((load - 0.6).abs() < 1e-15, "{load}");

@@ -14,6 +14,29 @@ use super::EffectError;
 /// The least time constant of a law's own state that an explicit Runge–Kutta step carries, in sample periods: it is stable down to 1/2.78.
 pub(super) const FASTEST_STEPS: f64 = 0.37;
 
+/// A joint at rest at zero that nothing acts on, for tests of laws.
+#[cfg(test)]
+pub(super) fn still(parameters: &[f64]) -> At<'_, f64> {
+    At {
+        joint: 0,
+        time_s: 0.0,
+        q: 0.0,
+        qd: 0.0,
+        theta: 0.0,
+        thetad: 0.0,
+        driving: 0.0,
+        k_mi: 0.0,
+        mu: 0.0,
+        k_s: 0.0,
+        d_s: 0.0,
+        friction_speed: 0.0,
+        friction_sign: 0.0,
+        transmitted: 0.0,
+        parameters,
+        own: 0.0,
+    }
+}
+
 /// One law an alternative: the same law at other start values, or in another shape. The first is the usual one.
 pub(super) type Laws = Result<Vec<Arc<dyn Law>>, EffectError>;
 
