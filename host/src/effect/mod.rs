@@ -42,6 +42,7 @@ mod encoder_eccentricity;
 mod encoder_lag;
 mod end_stop;
 mod friction_drift;
+mod friction_slope;
 mod gravity_residual;
 mod gyro_bias_drift;
 mod gyro_clipping;
@@ -68,7 +69,7 @@ pub use physics::{Drive, Line, Moment, PassiveJoint, Physics, Structure};
 pub use typical::{EffectParameter, JointScales, RobotScales, Role, Scale, Typical};
 
 /// Every effect there is, in the order in which a plant asks them: along the line, and a delay before what it delays.
-pub const CATALOGUE: [&Effect; 35] = [
+pub const CATALOGUE: [&Effect; 36] = [
     &input_delay::EFFECT,
     &pwm_dead_zone::EFFECT,
     &voltage_sag::EFFECT,
@@ -83,6 +84,7 @@ pub const CATALOGUE: [&Effect; 35] = [
     &belt_hysteresis::EFFECT,
     &belt_tooth_skip::EFFECT,
     &viscous_friction::EFFECT,
+    &friction_slope::EFFECT,
     &stribeck::EFFECT,
     &asymmetric_friction::EFFECT,
     &load_friction::EFFECT,

@@ -121,7 +121,7 @@ impl<'m> Dynamics<'m> {
             coordinates: [k, d],
         });
         let links = model.links.at(z);
-        let rubbing = rubbing(model, &coefficients, &links);
+        let rubbing = rubbing(model, z, &coefficients, &links);
         Dynamics {
             model,
             coefficients,
@@ -447,7 +447,7 @@ fn parts(rate_times_duration: f64) -> usize {
 }
 
 /// The joints that rub.
-fn rubbing(model: &Model, coefficients: &[Coefficients<f64>], links: &WeightedLinks<'_>) -> Vec<Rubbing> {
+fn rubbing(model: &Model, z: &[f64], coefficients: &[Coefficients<f64>], links: &WeightedLinks<'_>) -> Vec<Rubbing> {
     let (layout, m) = (&model.layout, model.layout.chain());
     let mut mass = [0.0; MAX_JOINTS * MAX_JOINTS];
     links.mass_matrix(&[0.0; MAX_JOINTS][..m], &mut mass[..m * m]);
@@ -461,7 +461,8 @@ fn rubbing(model: &Model, coefficients: &[Coefficients<f64>], links: &WeightedLi
             (Transmission::Elastic, Side::Link) => (link_inertia * c.inertia, layout.qd(i)),
             (Transmission::Rigid, _) => (link_inertia + c.inertia, layout.qd(i)),
         };
-        let half_slope_s = 0.5 * slope_s;
+        let of_law = model.laws.friction_slope.get(i).copied().flatten();
+        let half_slope_s = 0.5 * of_law.map_or(slope_s, |ln_slope| z[ln_slope].exp());
         Some(Rubbing { speed, half_slope_s, per_s: half_slope_s * c.coulomb / inertia })
     };
     // A negative inertia or friction on the way of a search has no rate that means anything.

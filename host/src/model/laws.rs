@@ -24,6 +24,8 @@ pub(super) struct Laws {
     pub(super) passive: Vec<(usize, usize, usize)>,
     pub(super) lags: Vec<Lag>,
     input_delay: Option<usize>,
+    /// Of each joint, the coordinate that is ln κ of its friction, where a law changes that.
+    pub(super) friction_slope: Vec<Option<usize>>,
     /// Of the robot.
     gyros: usize,
     /// How far a step of each own state may be wrong over 1 ms.
@@ -78,6 +80,7 @@ impl Laws {
             layout.size() - 1
         };
         laws.joints.resize_with(robot.joints.len(), OfJoint::default);
+        laws.friction_slope.resize(robot.joints.len(), None);
         for (index, law) in list.iter().enumerate() {
             let first = coordinates.first_of_law(index);
             for (joint, of) in laws.joints.iter_mut().enumerate() {
@@ -91,6 +94,9 @@ impl Laws {
                 });
                 of.laws.push((index, of.parameters.len(), local.len(), state));
                 of.parameters.extend(local.into_iter().map(|own| first + own));
+            }
+            for (joint, slope) in laws.friction_slope.iter_mut().enumerate() {
+                *slope = slope.or(law.friction_slope(joint).map(|own| first + own));
             }
             for (gyro, sensor) in robot.gyros().enumerate() {
                 if let Some(own) = law.gyro_lag(gyro) {

@@ -12,6 +12,7 @@
 //! Four windows run side by side, as models step four states nearly as fast as one.
 
 use solve::simd::{LANES, Quad};
+use solve::threads::both;
 
 use super::filter::Track;
 use super::metrics::Errors;
@@ -52,21 +53,28 @@ impl Windows {
 
 /// Predicts from the states of `track` over each of `horizons_s` (ascending).
 pub fn predict<S: System>(system: &S, columns: &Columns<'_>, track: &Track, horizons_s: &[f64]) -> Vec<Windows> {
-    let mut found: Vec<Found> = horizons_s.iter().map(|_| Found::default()).collect();
     let ends = columns.segment_ends();
     let stride = ((STRIDE_S / columns.period_s).round() as usize).max(1);
     let starts = (0..columns.len()).step_by(stride).enumerate().filter(|(_, start)| track.is_settled(*start));
     let (long, short): (Vec<_>, Vec<_>) = starts.partition(|(number, _)| number % LONG_EVERY == 0);
     let shorter = horizons_s.iter().take_while(|horizon_s| **horizon_s <= LONG_S).count();
-    let mut run = Run::new(system, columns);
-    for (starts, horizons_s) in [(long, horizons_s), (short, &horizons_s[..shorter])] {
-        for starts in starts.chunks(LANES) {
-            run.begin(starts.iter().map(|(_, start)| (*start, track.state(*start), ends[*start])));
-            for (&horizon_s, found) in horizons_s.iter().zip(&mut found) {
-                run.predict(horizon_s, found);
+    // Windows do not know of each other: two threads share them, each every other four.
+    let of_thread = |mut run: Run<'_, S>, first: usize| {
+        let mut found: Vec<Found> = horizons_s.iter().map(|_| Found::default()).collect();
+        for (starts, horizons_s) in [(&long, horizons_s), (&short, &horizons_s[..shorter])] {
+            for starts in starts.chunks(LANES).skip(first).step_by(2) {
+                run.begin(starts.iter().map(|(_, start)| (*start, track.state(*start), ends[*start])));
+                for (&horizon_s, found) in horizons_s.iter().zip(&mut found) {
+                    run.predict(horizon_s, found);
+                }
             }
         }
-    }
+        found
+    };
+    let (left, right) = (Run::new(system, columns), Run::new(system, columns));
+    let threads = std::thread::available_parallelism().map_or(1, |n| n.get().min(2));
+    let (mut found, others) = both(threads, || of_thread(left, 0), || of_thread(right, 1));
+    found.iter_mut().zip(others).for_each(|(found, others)| found.join(others));
     let windows = |(&horizon_s, found): (&f64, Found)| found.in_order(columns, horizon_s, system.outputs());
     horizons_s.iter().zip(found).map(windows).collect()
 }
@@ -80,6 +88,11 @@ struct Found {
 }
 
 impl Found {
+    fn join(&mut self, mut other: Found) {
+        self.touching_gap += other.touching_gap;
+        self.windows.append(&mut other.windows);
+    }
+
     fn in_order(mut self, columns: &Columns<'_>, horizon_s: f64, outputs: usize) -> Windows {
         self.windows.sort_by_key(|(start, ..)| *start);
         let mut windows = Windows::new(horizon_s, outputs);

@@ -298,6 +298,7 @@ fn acts_like(robot: &Robot, effect: &Effect, p: &ParameterEstimate) -> String {
         "viscous_friction"
         | "asymmetric_friction"
         | "stribeck"
+        | "friction_slope"
         | "load_friction"
         | "position_friction"
         | "friction_drift"

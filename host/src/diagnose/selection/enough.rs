@@ -4,7 +4,7 @@ use super::super::criteria::LEAST_SHARE;
 use super::state::{Accepted, Selection};
 
 /// What a law has to gain beside what is explained already.
-fn least_gain(selection: &Selection) -> f64 {
+pub(super) fn least_gain(selection: &Selection) -> f64 {
     let explained: f64 = selection.current.gains_over(&selection.base).iter().sum();
     LEAST_SHARE / (1.0 - LEAST_SHARE) * explained.max(0.0)
 }

@@ -16,6 +16,8 @@ use crate::model::law::Law;
 /// The scan of all candidates that are not in yet.
 pub(super) struct Scan {
     pub(super) scores: BlockScores,
+    /// How many samples of the bench each sample of the scan stands for.
+    pub(super) samples_each: f64,
     /// Laws with a score.
     pub(super) count: usize,
     /// Best first.
@@ -25,7 +27,7 @@ pub(super) struct Scan {
 
 pub(super) fn scan(refit: &Refit<'_>, selection: &Selection, candidates: &[Candidate]) -> Result<Scan, CalibrateError> {
     let current = &selection.current.trial;
-    let (bench, trial, _) = refit.thinned(current);
+    let (bench, trial, samples_each) = refit.thinned(current);
     let is_in = |effect: &Effect| selection.accepted.iter().any(|accepted| accepted.named.effect.id == effect.id);
     let mut named: Vec<Named> = Vec::new();
     for candidate in candidates.iter().filter(|candidate| !is_in(candidate.effect)) {
@@ -77,5 +79,5 @@ pub(super) fn scan(refit: &Refit<'_>, selection: &Selection, candidates: &[Candi
         let (gain, score) = (s.score.gain(), s.score.score);
         tracing::debug!(effect = s.named.effect.id, gain, score, freedom = s.score.freedom, p = s.p_family, "scan");
     }
-    Ok(Scan { scores, count, scanned, not_finite })
+    Ok(Scan { scores, samples_each, count, scanned, not_finite })
 }

@@ -2,12 +2,12 @@
 
 use super::super::axes::axes_of_joints;
 use super::super::catalogue::{Candidate, Named};
-use super::super::criteria::{COLLINEAR, LEAST_OF_BEST, LEVEL, PROMISING, REFITTED, RIVALS_REFITTED, SIEVE};
+use super::super::criteria::{COLLINEAR, LEAST_OF_BEST, LEVEL, PROMISING, REFITTED, RIVALS_REFITTED, SIEVE, TANGENT};
 use super::super::refit::{Fitted, Refit};
 use super::super::scores::block_scores::{LawScore, collinearity};
 use super::super::scores::events::{p_of_event, timed};
 use super::super::scores::significance::{p_of_both, p_of_family, p_of_gains, p_of_score};
-use super::enough::cost_that_matters;
+use super::enough::{cost_that_matters, least_gain};
 use super::scan::{Scan, scan};
 use super::state::{Scanned, Selection};
 use crate::calibrate::CalibrateError;
@@ -47,8 +47,11 @@ pub(super) fn refitted(refit: &Refit<'_>, selection: &Selection, scan: &Scan, cl
     let (mut events, others): (Vec<&Scanned>, Vec<&Scanned>) = scan.scanned.iter().partition(is_event);
     events.retain(|event| event.p_family < LEVEL);
     let most = others.iter().map(|s| s.score.score).fold(0.0, f64::max);
-    // What no more than white noise would show is not refitted. A first sieve: coloured noise passes it.
-    let shows = |s: &&Scanned| p_of_family(p_of_score(s.score.score, s.score.freedom), scan.count) < SIEVE;
+    // What no more than white noise would show is not refitted, nor what is too little to matter. A first sieve: coloured noise passes it.
+    let least = TANGENT * least_gain(selection) / scan.samples_each;
+    let shows = |s: &&Scanned| {
+        s.score.score >= least && p_of_family(p_of_score(s.score.score, s.score.freedom), scan.count) < SIEVE
+    };
     let promising = |s: &&Scanned| s.score.score >= PROMISING * most && shows(s);
     let count = others.iter().copied().filter(promising).count().min(REFITTED);
     let (first, rest) = others.split_at(count);

@@ -254,6 +254,11 @@ pub trait Law: std::fmt::Debug + Send + Sync {
         None
     }
 
+    /// The own coordinate that is ln κ of the smoothed sign of Coulomb friction at this joint, where the law changes that.
+    fn friction_slope(&self, _joint: usize) -> Option<usize> {
+        None
+    }
+
     /// Which of its coordinates is the time by which inputs are late, s.
     fn input_delay(&self) -> Option<usize> {
         None

@@ -176,6 +176,12 @@ impl Parameters {
         self.of_symbol(symbol).for_each(|result| result.range = range);
     }
 
+    /// The same of one joint's result.
+    pub fn within_at(&mut self, symbol: &str, joint: usize, range: [f64; 2]) {
+        let name = format!("{}.{symbol}{}", self.id, Of::Joint(joint).index());
+        self.results.iter_mut().filter(|result| result.name == name).for_each(|result| result.range = range);
+    }
+
     /// Says what the finest value of a logarithm of this symbol is that readings tell anything of: a search stays above it, and ends there where the truth is
     /// finer, which is no reason not to believe it.
     pub fn no_finer(&mut self, symbol: &str, finest: f64) {

@@ -92,6 +92,8 @@ fn an_effect_without_size_is_none() {
             "base_bearing" | "structure_mode" => 1e7,
             "current_limit" | "end_stop" | "gyro_clipping" => 1e3,
             "electrical_lag" | "gyro_lag" => 1e-4,
+            // That of the description, s/rad.
+            "friction_slope" => 400.0,
             _ => 1e-9,
         };
         let left = apart(&clean, &fast(plant(vec![hidden(effect.id, Size::Exact(nothing))]), 0.0));
