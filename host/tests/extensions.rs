@@ -58,7 +58,7 @@ fn simulated(robot: &Robot, samples: usize, seed: u64, effects: Vec<Hidden>) -> 
 const USUAL: f64 = 0.05;
 /// Effects that are tried when `EFFECTS` names no others: along the line from the input to the transmission, and passive joints. All of the catalogue takes a
 /// quarter of an hour.
-const USUALLY: [&str; 10] = [
+const USUALLY: [&str; 11] = [
     "input_delay",
     "pwm_dead_zone",
     "voltage_sag",
@@ -67,6 +67,7 @@ const USUALLY: [&str; 10] = [
     "motor_mismatch",
     "cogging",
     "torque_offset",
+    "friction_slope",
     "base_bearing",
     "structure_mode",
 ];
