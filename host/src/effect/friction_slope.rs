@@ -20,32 +20,24 @@ pub(super) const EFFECT: Effect = Effect {
     equation: "μ tanh(κ θ̇ / 2)",
     parameters: &[EffectParameter::inverse_size("slope[i]", "s/rad")
         .typically(20.0, 0.6, Scale::Si)
-        .sizes("0.12, 0.04, 0.015 of the robot file's slope (a hundredth to seven times it met)")],
+        .sizes("0.12, 0.04, 0.015 of the robot file's slope (a hundredth to seven times it tried)")],
     nuisances: &[],
     confounded_with: &["stribeck", "encoder_lag", "input_delay"],
     about: "Coulomb friction is calculated with a rounded sign of the speed. How steep it is, is slope_s_rad (slope_s_m) in \
-            the robot file and is not calibrated: write the one that is found there. Soft seals and bristles round it \
-            more than a dry bearing does.",
+            the robot file and is not calibrated: write the one that is found there.",
     make,
     laws,
 };
 
-/// κ of the plant, shares of the description's.
+/// κ of the plant, shares of the description's. On Doggy a medium one moves a reading by three of its sigmas or more.
 const SHARE: [f64; 3] = [0.12, 0.04, 0.015];
 
-/// κ as described, s/rad or s/m; none where nothing rubs.
-fn described(robot: &Robot, joint: usize) -> Option<f64> {
+/// κ as described, s/rad or s/m; 0 where nothing rubs.
+fn described(robot: &Robot, joint: usize) -> f64 {
     match robot.joints[joint].friction {
-        Friction::None => None,
-        Friction::Coulomb { slope_s, .. } => Some(slope_s),
+        Friction::None => 0.0,
+        Friction::Coulomb { slope_s, .. } => slope_s,
     }
-}
-
-/// Joints that have friction, with its slope.
-fn joints(robot: &Robot) -> Result<Vec<usize>, EffectError> {
-    let mut joints = draw::rubbing(robot);
-    joints.retain(|joint| described(robot, *joint).is_some());
-    draw::some(EFFECT.id, joints, draw::NO_FRICTION)
 }
 
 #[derive(Debug)]
@@ -61,9 +53,8 @@ impl Physics for FrictionSlope {
 }
 
 fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectError> {
-    let joints = joints(robot)?;
-    let described = |joint| described(robot, joint).unwrap_or(0.0);
-    let slope = draw::per_joint(robot, &joints, size, SHARE, described, rng);
+    let joints = draw::some(EFFECT.id, draw::rubbing(robot), draw::NO_FRICTION)?;
+    let slope = draw::per_joint(robot, &joints, size, SHARE, |joint| described(robot, joint), rng);
     let values = draw::of_joints((EFFECT.id, robot), "slope", "s/rad", &joints, &slope).collect();
     Ok(Hidden { id: EFFECT.id, values, physics: Box::new(FrictionSlope { slope }) })
 }
@@ -105,12 +96,12 @@ impl SlopeLaw {
 }
 
 fn laws(robot: &Robot) -> Laws {
-    let joints = joints(robot)?;
+    let joints = draw::some(EFFECT.id, draw::rubbing(robot), draw::NO_FRICTION)?;
     let mut parameters = Parameters::on(EFFECT.id, robot);
     for &joint in &joints {
-        let slope = described(robot, joint).unwrap_or(1.0);
+        let slope = described(robot, joint);
         parameters.positive("slope", "s/rad", Of::Joint(joint), slope);
-        parameters.within_at("slope", joint, RANGE.map(|share| share * slope));
+        parameters.within(&format!("slope[{}]", joint + 1), RANGE.map(|share| share * slope));
     }
     only(SlopeLaw { parameters, joints })
 }

@@ -170,16 +170,10 @@ impl Parameters {
         })
     }
 
-    /// Says what the results of this symbol can be in a robot. A fit is free to leave the range, though not farther than half its width, or twice
+    /// Says what the results of this symbol, or the one of this symbol and index, can be in a robot. A fit is free to leave the range, though not farther than half its width, or twice
     /// or half of it where the logarithm is fitted; a diagnosis then does not believe it.
     pub fn within(&mut self, symbol: &str, range: [f64; 2]) {
         self.of_symbol(symbol).for_each(|result| result.range = range);
-    }
-
-    /// The same of one joint's result.
-    pub fn within_at(&mut self, symbol: &str, joint: usize, range: [f64; 2]) {
-        let name = format!("{}.{symbol}{}", self.id, Of::Joint(joint).index());
-        self.results.iter_mut().filter(|result| result.name == name).for_each(|result| result.range = range);
     }
 
     /// Says what the finest value of a logarithm of this symbol is that readings tell anything of: a search stays above it, and ends there where the truth is
