@@ -8,25 +8,13 @@ pub mod command;
 pub mod failure;
 pub mod report;
 
-pub mod diagnose;
-pub mod observe;
 pub mod plan;
-
-pub mod export;
-pub mod fleet;
-pub mod verify;
 
 pub mod bringup;
 pub mod watch;
 
-pub mod calibrate;
 pub mod link;
 pub mod simulate;
 
-pub mod inverse_dynamics;
-
-pub mod effect;
-pub mod model;
-pub mod recording;
-
-pub mod robot;
+pub use identification::{calibrate, diagnose, export, fleet, inverse_dynamics, observe, recording, verify};
+pub use robot_model::{effect, model, robot};

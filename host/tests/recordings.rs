@@ -79,7 +79,11 @@ fn a_bad_table_leaves_no_file_behind() {
 #[test]
 fn a_robot_file_with_a_typo_is_refused_with_its_line() {
     let folder = folder_with_table();
-    let shown = include_str!("../src/robot/builtin/one_joint.toml").replacen("sample_period_s", "sample_perod_s", 1);
+    let shown = include_str!("../robot_model/src/robot/builtin/one_joint.toml").replacen(
+        "sample_period_s",
+        "sample_perod_s",
+        1,
+    );
     fs::write(folder.path().join("mine.toml"), shown).unwrap();
     let output = host(folder.path(), &["import", "data.csv", "--robot", "mine.toml", "-o", "run.mcap"]);
     ended(&output, 4, &["sample_perod_s", "did you mean `sample_period_s`"]);

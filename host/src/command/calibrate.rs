@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use super::{Exit, Failure, FitnessArgs, ResultArgs, Ui, read_failure, robot_failure};
 use crate::calibrate::{Calibration, Method, NoiseSource, Preset, Status, calibrate_extended};
+use crate::command::arguments::Choice;
 use crate::failure::calibrate_failure;
 use crate::recording::{self, Recording};
 use crate::report;
@@ -23,12 +24,12 @@ pub struct Args {
     #[arg(long, value_name = "ROBOT")]
     robot: Option<String>,
     /// Assumptions: `default`, or `paper` to reproduce the paper with its biases
-    #[arg(long, value_enum, default_value_t = Preset::Default)]
-    preset: Preset,
+    #[arg(long, value_enum, default_value_t = Choice(Preset::Default))]
+    preset: Choice<Preset>,
     /// Noise of sensors and model steps: from the recording itself (`default` does so), or as the robot file and the preset say (`paper`,
     /// and robots whose file says what is unmodelled)
     #[arg(long, value_enum)]
-    noise: Option<NoiseSource>,
+    noise: Option<Choice<NoiseSource>>,
     /// Extend the base model by this effect; `host effects` lists them. Can be given several times
     #[arg(long = "extend", value_name = "ID")]
     extensions: Vec<String>,
@@ -56,12 +57,12 @@ pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
         }
         args.fitness.look(recording, recording.source.path.display(), ui)?;
     }
-    let method = Method::suited(args.preset, &robot);
-    let method = Method { noise: args.noise.unwrap_or(method.noise), ..method };
+    let method = Method::suited(args.preset.0, &robot);
+    let method = Method { noise: args.noise.map_or(method.noise, |noise| noise.0), ..method };
     let calibration = solve_extended(&robot, &recordings, method, &args.extensions, ui)?;
     print_table(ui, &calibration);
     let mut page = report::calibration::page(&calibration);
-    if args.preset == Preset::Paper && args.result.report.is_some() {
+    if args.preset.0 == Preset::Paper && args.result.report.is_some() {
         // The page shows what the paper's assumptions cost.
         let default = solve(&robot, &recordings, Method::suited(Preset::Default, &robot), ui)?;
         page.push(report::calibration::paper_beside_default(&default, &calibration, robot.sample_period_s));

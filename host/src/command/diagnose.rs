@@ -129,6 +129,8 @@ fn cause(lines: &mut Vec<String>, number: usize, finding: &Finding, names: &Name
         let interval = words::interval_of(p).map_or_else(String::new, |interval| format!("   95 %: {interval}"));
         let name = names.parameter(&finding.effect, &p.name);
         lines.push(format!("{INDENT}{name:<20} {:>24}{interval}", words::estimate(p)));
+        let described = names.in_robot_file(&finding.effect, &p.name);
+        lines.extend(described.map(|described| format!("{INDENT}{:<20} {described}", "")));
     }
     let flags: Vec<&str> = finding.flags.iter().map(|flag| flag.words()).collect();
     wrap(lines, INDENT, &flags.join("; "));

@@ -132,7 +132,7 @@ fn a_diagnosis_says_first_whether_the_model_fits_then_causes_by_what_they_bring(
         "1. Torque ripple of the motors (pitch)",
         "2. Friction that differs by direction (pitch)",
         "Rejected",
-        "An encoder that reads late (yaw): predicts worse",
+        "An encoder that reads at another time than the other sensors (yaw): predicts worse",
         "Over time, 500 ms ahead",
         "encoder2 (pitch): predicted less measured",
         "What the base model misses, as curves",

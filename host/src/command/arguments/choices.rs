@@ -9,12 +9,33 @@ use crate::plan::Criterion;
 use crate::recording::import::EmptyInputs;
 use crate::simulate::{GyroChips, Pace};
 
-impl ValueEnum for Preset {
+/// A choice among values of a type of the libraries.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Choice<T: 'static>(pub T);
+
+/// A type of the libraries whose values are chosen on the command line: foreign types cannot be `ValueEnum` themselves.
+pub trait Offered: Copy + 'static {
+    /// The values, in the order of the help.
+    const ALL: &'static [Choice<Self>];
+
+    /// Name and help of one; none of a value that is set in code only.
+    fn possible_value(self) -> Option<PossibleValue>;
+}
+
+impl<T: Offered> ValueEnum for Choice<T> {
     fn value_variants<'a>() -> &'a [Self] {
-        &[Preset::Default, Preset::Paper]
+        T::ALL
     }
 
     fn to_possible_value(&self) -> Option<PossibleValue> {
+        self.0.possible_value()
+    }
+}
+
+impl Offered for Preset {
+    const ALL: &'static [Choice<Self>] = &[Choice(Preset::Default), Choice(Preset::Paper)];
+
+    fn possible_value(self) -> Option<PossibleValue> {
         Some(match self {
             Preset::Default => PossibleValue::new("default")
                 .help("Runge–Kutta steps, every gyro predicted from the state on a rigid base, tight process noise"),
@@ -24,12 +45,10 @@ impl ValueEnum for Preset {
     }
 }
 
-impl ValueEnum for NoiseSource {
-    fn value_variants<'a>() -> &'a [Self] {
-        &[NoiseSource::Fixed, NoiseSource::Estimated]
-    }
+impl Offered for NoiseSource {
+    const ALL: &'static [Choice<Self>] = &[Choice(NoiseSource::Fixed), Choice(NoiseSource::Estimated)];
 
-    fn to_possible_value(&self) -> Option<PossibleValue> {
+    fn possible_value(self) -> Option<PossibleValue> {
         Some(match self {
             NoiseSource::Fixed => PossibleValue::new("fixed")
                 .help("The robot file's for the sensors, the preset's for the steps of the model"),
@@ -55,12 +74,10 @@ impl ValueEnum for Criterion {
     }
 }
 
-impl ValueEnum for By {
-    fn value_variants<'a>() -> &'a [Self] {
-        &[By::Robot, By::Folder]
-    }
+impl Offered for By {
+    const ALL: &'static [Choice<Self>] = &[Choice(By::Robot), Choice(By::Folder)];
 
-    fn to_possible_value(&self) -> Option<PossibleValue> {
+    fn possible_value(self) -> Option<PossibleValue> {
         Some(match self {
             By::Robot => PossibleValue::new("robot").help("The robot's name in the description"),
             By::Folder => PossibleValue::new("folder")
@@ -102,12 +119,10 @@ impl ValueEnum for Pace {
     }
 }
 
-impl ValueEnum for EmptyInputs {
-    fn value_variants<'a>() -> &'a [Self] {
-        &[EmptyInputs::Hold, EmptyInputs::Interpolate]
-    }
+impl Offered for EmptyInputs {
+    const ALL: &'static [Choice<Self>] = &[Choice(EmptyInputs::Hold), Choice(EmptyInputs::Interpolate)];
 
-    fn to_possible_value(&self) -> Option<PossibleValue> {
+    fn possible_value(self) -> Option<PossibleValue> {
         Some(match self {
             EmptyInputs::Hold => {
                 PossibleValue::new("hold").help("The last one: of a command, which lasts until the next")

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use crate::command::arguments::Choice;
 use crate::command::{Exit, Failure, NewFile, Ui, fitness, robot_failure, table_failure};
 use crate::recording::import::{self, EmptyInputs};
 use crate::recording::mcap;
@@ -28,7 +29,7 @@ pub struct Args {
     output: PathBuf,
     /// What the input is in rows that have none, where inputs and sensors stand in different rows
     #[arg(long, value_enum, value_name = "HOW")]
-    inputs: Option<EmptyInputs>,
+    inputs: Option<Choice<EmptyInputs>>,
     /// Replace the recording if it exists
     #[arg(long)]
     force: bool,
@@ -40,7 +41,7 @@ pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
     let file = NewFile::claim(&args.output, args.force)?;
     let reading = ui.busy("reading");
     let import::Imported { recording, ignored, notes } =
-        import::read(&args.table, &robot, args.inputs).map_err(table_failure)?;
+        import::read(&args.table, &robot, args.inputs.map(|inputs| inputs.0)).map_err(table_failure)?;
     reading.stage("writing");
     mcap::write(file, &recording).map_err(Failure::device)?.finish()?;
     drop(reading);

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use crate::calibrate::Calibration;
+use crate::command::arguments::Choice;
 use crate::command::{Exit, Failure, NewFile, ResultArgs, Ui};
 use crate::fleet::{By, Fleet};
 use crate::report;
@@ -18,8 +19,8 @@ pub struct Args {
     #[arg(value_name = "CAL.json", required = true)]
     calibrations: Vec<PathBuf>,
     /// What makes a group: the robot's name, or the folder of the result (one folder a robot)
-    #[arg(long, value_enum, default_value_t = By::Robot)]
-    by: By,
+    #[arg(long, value_enum, default_value_t = Choice(By::Robot))]
+    by: Choice<By>,
     /// Write the table, a row a calibration, group and fleet
     #[arg(long, value_name = "OUT.csv")]
     csv: Option<PathBuf>,
@@ -43,7 +44,7 @@ pub fn run(args: Args, ui: &Ui) -> Result<Exit, Failure> {
             serde_json::from_slice::<Calibration>(&text).map_err(|error| format!("it is not a calibration: {error}"));
         files.push((path, read));
     }
-    let fleet = Fleet::new(files, args.by);
+    let fleet = Fleet::new(files, args.by.0);
     let text = report::fleet::markdown(&fleet);
     ui.say(&text);
     if fleet.groups.is_empty() {

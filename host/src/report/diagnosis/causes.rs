@@ -104,7 +104,10 @@ fn parameters(section: &mut Section, finding: &Finding, names: &Names<'_>) {
         Table::new().words("parameter").numbers("estimate", "± standard error").numbers("95 % interval", "");
     for p in &finding.parameters {
         let interval = words::interval_of(p).unwrap_or_default();
-        table.row([names.parameter(&finding.effect, &p.name).into(), words::estimate(p).into(), interval.into()]);
+        let described =
+            names.in_robot_file(&finding.effect, &p.name).map_or_else(String::new, |file| format!("; {file}"));
+        let name = names.parameter(&finding.effect, &p.name) + &described;
+        table.row([name.into(), words::estimate(p).into(), interval.into()]);
     }
     section.table(&table);
 }

@@ -13,22 +13,20 @@ const NEAREST: usize = 2;
 /// The names of a robot's joints and the units of its sensors.
 pub struct Names<'a> {
     diagnosis: &'a Diagnosis,
-    joints: Vec<String>,
+    robot: Option<Robot>,
 }
 
 impl<'a> Names<'a> {
     /// Of the robot that was diagnosed.
     pub fn of(diagnosis: &'a Diagnosis) -> Self {
-        let joints = Robot::parse(&diagnosis.base.robot_toml)
-            .map(|robot| robot.joints.into_iter().map(|joint| joint.name).collect())
-            .unwrap_or_default();
-        Names { diagnosis, joints }
+        Names { diagnosis, robot: Robot::parse(&diagnosis.base.robot_toml).ok() }
     }
 
     /// A joint, counted from 1.
     pub fn joint(&self, axis: usize) -> String {
-        let name = axis.checked_sub(1).and_then(|joint| self.joints.get(joint));
-        name.cloned().unwrap_or_else(|| format!("joint {axis}"))
+        let mut joints = self.robot.iter().flat_map(|robot| &robot.joints);
+        let name = axis.checked_sub(1).and_then(|joint| joints.nth(joint));
+        name.map_or_else(|| format!("joint {axis}"), |joint| joint.name.clone())
     }
 
     /// Joints in brackets after a name; nothing where no joint is concerned.
@@ -83,6 +81,12 @@ impl<'a> Names<'a> {
         let own = name.strip_prefix(effect).and_then(|own| own.strip_prefix('.')).unwrap_or(name);
         let axis = own.split_once('[').and_then(|(_, index)| index.trim_end_matches(']').parse::<usize>().ok());
         format!("{own}{}", axis.map_or_else(String::new, |axis| self.joints(&[axis])))
+    }
+
+    /// What stands in the robot file in the place of a law's parameter: `slope_s_rad (slope_s_m) of the robot file: 200.00`.
+    pub fn in_robot_file(&self, effect: &str, name: &str) -> Option<String> {
+        let (key, value) = Effect::by_id(effect).ok()?.in_robot_file(self.robot.as_ref()?, name)?;
+        Some(format!("{key} of the robot file: {}", with_error(value, None)))
     }
 
     /// A place of a misfit.
@@ -267,6 +271,16 @@ pub fn stability(stability: &Stability, is_constant: bool) -> Option<String> {
 mod tests {
     use super::*;
     use crate::report::diagnosis::fixture;
+
+    #[test]
+    fn a_number_of_the_robot_file_stands_beside_what_is_found_in_its_place() {
+        let mut diagnosed = fixture::diagnosis(0.7, "x");
+        diagnosed.base.robot_toml = Robot::builtin("one_joint").unwrap().toml().into();
+        let names = Names::of(&diagnosed);
+        let told = names.in_robot_file("friction_slope", "friction_slope.slope[1]").unwrap();
+        assert_eq!(told, "slope_s_rad (slope_s_m) of the robot file: 400.00");
+        assert_eq!(names.in_robot_file("encoder_lag", "encoder_lag.T[1]"), None);
+    }
 
     #[test]
     fn an_open_question_ends_with_the_command_of_a_motion_that_answers_it() {

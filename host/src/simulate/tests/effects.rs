@@ -4,7 +4,7 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
 use super::fast_duty;
-use crate::effect::{CATALOGUE, Effect, Hidden, Size, belt_tooth_skip};
+use crate::effect::{CATALOGUE, Effect, Hidden, Size, of_size};
 use crate::robot::{Robot, Side};
 use crate::simulate::{Plant, STEP_S, Truth};
 
@@ -197,7 +197,7 @@ fn coarse_integration_is_euler_at_the_period() {
 /// At the moment of the jump nothing stands anywhere else; then the link swings to where the belt now holds it.
 #[test]
 fn a_skipped_belt_holds_the_link_beside_its_motor() {
-    let mut skipping = plant(vec![belt_tooth_skip::skip(0, 0.05, 0.1)]);
+    let mut skipping = plant(vec![of_size::skip(0, 0.05, 0.1)]);
     skipping.advance(&[0.0; 3], 0.1);
     assert!(skipping.link_position(0).abs() < 1e-9 && skipping.motor_position(0).abs() < 1e-9);
     skipping.advance(&[0.0; 3], 1e-3);

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 use nalgebra::{Matrix3, Rotation3};
 
-use crate::effect::{Hidden, backlash, base_bearing, voltage_sag};
+use crate::effect::{Hidden, of_size};
 use crate::recording::{Recording, import};
 use crate::robot::{ChannelKind, Robot, Symbol};
 use crate::simulate::{Plant, Truth};
@@ -191,7 +191,7 @@ fn clean_recordings_are_met_to_their_noise() {
 #[test]
 fn a_base_bearing_is_met_to_the_noise() {
     for motion in ["calibration", "validation"] {
-        let bearing = base_bearing::bearing([6885.2, 7260.5], [34.834, 28.734]);
+        let bearing = of_size::bearing([6885.2, 7260.5], [34.834, 28.734]);
         let Some(misses) = replay_with(&BASE_BEARING, motion, vec![bearing]) else { return };
         assert_noise_only(&misses);
     }
@@ -200,7 +200,7 @@ fn a_base_bearing_is_met_to_the_noise() {
 #[test]
 fn a_sagging_supply_is_met_to_the_noise() {
     for motion in ["calibration", "validation"] {
-        let Some(misses) = replay_with(&VOLTAGE_SAG, motion, vec![voltage_sag::sag(0.01)]) else { return };
+        let Some(misses) = replay_with(&VOLTAGE_SAG, motion, vec![of_size::sag(0.01)]) else { return };
         assert_noise_only(&misses);
     }
 }
@@ -208,7 +208,7 @@ fn a_sagging_supply_is_met_to_the_noise() {
 /// Free play is sensitive, and two integrations part after a while: the shorter motion, and 2.0e-3 rad/s measured.
 #[test]
 fn backlash_is_met_nearly_to_the_noise() {
-    let gaps = backlash::gaps(&Robot::builtin("doggy").unwrap(), vec![7.0663e-3, 8.4880e-3, 9.1410e-3]);
+    let gaps = of_size::gaps(&Robot::builtin("doggy").unwrap(), vec![7.0663e-3, 8.4880e-3, 9.1410e-3]);
     let Some(misses) = replay_with(&BACKLASH, "validation", vec![gaps]) else { return };
     for rms in misses.gyro {
         assert!((0.98..1.2).contains(&(rms / GYRO_NOISE)), "gyro residual {rms}");
