@@ -87,7 +87,7 @@ fn law(belief: &Belief, effect: &'static Effect, scales: &RobotScales) -> Result
         let typical = median.zip(effect.scale(&result.name, scales)).map(|(median, scale)| median * scale);
         // Amplitudes at zero have a slope of nothing: both parts of a wave are as large as it.
         let slope = match result.form {
-            Form::Exp(_) => result.form.value(&start).0,
+            Form::Exp(_) | Form::Scaled(..) => result.form.value(&start).0,
             _ => 1.0,
         };
         let part = match result.form {

@@ -1,12 +1,16 @@
 //! Gyro lag: the sensor's own filter delays what it measures.
 //!
 //! ```text
-//! T ω̇_f = ω − ω_f     on each axis; the reading is ω_f
+//! T ω̇_f = ω − ω_f                      on each axis; the reading is ω_f
+//! 1 / (1 + T s / 2)²                    of two poles, each of half the delay T
+//! (1 − T s / 4) / (1 + 3 T s / 4)       what stands for it: the same up to (T s)², with the states of one pole
 //! ```
+//!
+//! Filters inside of gyros are of second order as often as of first; both delay what is slow by T.
 
 use rand::Rng;
 
-use super::surrogate::{Law, Laws, Of, Parameters, each};
+use super::surrogate::{Law, Laws, LowPass, Of, Parameters, each};
 use super::{Effect, EffectError, EffectParameter, Hidden, Line, Physics, Row, Scale, Size, draw};
 use crate::robot::{Robot, Vector3};
 
@@ -14,10 +18,11 @@ pub(super) const EFFECT: Effect = Effect {
     id: "gyro_lag",
     row: Row::Sensor,
     title: "delay of the gyros' filters",
-    equation: "T ω̇_f = ω − ω_f, the reading is ω_f",
-    parameters: &[EffectParameter::size("T[gyro]", "s")
-        .typically(1.3e-3, 0.45, Scale::Si)
-        .sizes("0.5, 1.5, 4 ms (0.3 to 5 met)")],
+    equation: "1/(1 + T s) or 1/(1 + T s/2)² of ω",
+    parameters: &[
+        EffectParameter::size("T[gyro]", "s").typically(1.3e-3, 0.45, Scale::Si).sizes("0.5, 1.5, 4 ms (0.3 to 5 met)"),
+        EffectParameter::shape("poles", "1").sizes("1 or 2"),
+    ],
     nuisances: &[],
     confounded_with: &["encoder_lag", "input_delay"],
     about: "A gyro filters its signal before it is read; the lower the bandwidth, the later the reading. Against \
@@ -68,10 +73,14 @@ fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectEr
     Ok(Hidden { id: EFFECT.id, values, physics: Box::new(GyroLag { time_constant }) })
 }
 
-/// The same filter, whose three states a gyro are in the body's axes; T by its logarithm.
+/// g of what is read for two poles: `(1 − g T₁ s) / (1 + T₁ s)` with T = (1 + g) T₁ agrees with `1/(1 + T s/2)²` up to (T s)².
+const BEYOND: f64 = 1.0 / 3.0;
+
+/// The filter with three states a gyro, in the body's axes; the time constant of the states by its logarithm.
 #[derive(Debug)]
 struct FilterLaw {
     parameters: Parameters,
+    beyond: f64,
 }
 
 impl Law for FilterLaw {
@@ -79,8 +88,8 @@ impl Law for FilterLaw {
         &self.parameters
     }
 
-    fn gyro_lag(&self, gyro: usize) -> Option<usize> {
-        Some(gyro)
+    fn gyro_lag(&self, gyro: usize) -> Option<LowPass> {
+        Some(LowPass { coordinate: gyro, beyond: self.beyond })
     }
 }
 
@@ -89,14 +98,63 @@ fn laws(robot: &Robot) -> Laws {
     if gyros == 0 {
         return Err(EffectError::Unsuited { effect: EFFECT.id, reason: "the robot has no gyro" });
     }
-    let with = |start_s: f64| {
+    let with = |(poles, periods): (f64, f64)| {
         let mut parameters = Parameters::on(EFFECT.id, robot);
+        let beyond = if poles == 1.0 { 0.0 } else { BEYOND };
         for gyro in 0..gyros {
-            parameters.positive("T", "s", Of::Gyro(gyro), start_s);
+            parameters.scaled("T", "s", Of::Gyro(gyro), 1.0 + beyond, periods * robot.sample_period_s);
         }
         parameters.within("T", [0.0, 0.05]);
         parameters.no_finer("T", FINEST * robot.sample_period_s);
-        FilterLaw { parameters }
+        parameters.chosen("poles", "1", poles);
+        FilterLaw { parameters, beyond }
     };
-    each([1.5, 0.7, 4.0].map(|periods| with(periods * robot.sample_period_s)))
+    each([(1.0, 1.5), (1.0, 0.7), (1.0, 4.0), (2.0, 1.5), (2.0, 4.0)].map(with))
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Complex;
+
+    use super::*;
+
+    /// What a law reads of a rate that swings with s = iω, as a share of it.
+    fn response(law: &FilterLaw, delay_s: f64, s: Complex<f64>) -> Complex<f64> {
+        let LowPass { coordinate, beyond } = law.gyro_lag(0).unwrap();
+        let z = law.parameters.recall(
+            &law.parameters
+                .results
+                .iter()
+                .map(|result| match result.form {
+                    crate::model::law::Form::Chosen(value) => value,
+                    _ => delay_s,
+                })
+                .collect::<Vec<f64>>(),
+        );
+        let filtered = (Complex::from(1.0) + s * z[coordinate].exp()).inv();
+        filtered + (filtered - 1.0) * beyond
+    }
+
+    #[test]
+    fn each_shape_is_the_filter_of_its_poles() {
+        let with = |poles: f64| {
+            let beyond = if poles == 1.0 { 0.0 } else { BEYOND };
+            let mut parameters = Parameters::new(EFFECT.id);
+            parameters.scaled("T", "s", Of::Gyro(0), 1.0 + beyond, 1e-3);
+            parameters.chosen("poles", "1", poles);
+            FilterLaw { parameters, beyond }
+        };
+        let delay_s = 3.5e-3;
+        for hz in [1.0, 5.0, 20.0] {
+            let s = Complex::new(0.0, std::f64::consts::TAU * hz);
+            let one = (Complex::from(1.0) + s * delay_s).inv();
+            let two = (Complex::from(1.0) + s * (0.5 * delay_s)).powi(-2);
+            assert!((response(&with(1.0), delay_s, s) - one).norm() < 1e-12, "rtol of rounding");
+            // What is left is of third order: (T s)³ / 16.
+            let left = (s * delay_s).norm().powi(3) / 16.0;
+            let off = (response(&with(2.0), delay_s, s) - two).norm();
+            assert!(off < 1.1 * left, "{hz} Hz: {off:e} of {left:e}");
+            assert!((one - two).norm() > 3.0 * off, "{hz} Hz");
+        }
+    }
 }

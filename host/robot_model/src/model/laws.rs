@@ -3,8 +3,9 @@
 use std::sync::Arc;
 
 use super::drive::JointLaw;
-use super::law::Law;
+use super::law::{Law, LowPass};
 use super::links::Links;
+use super::number::quantity::Quantity;
 use super::parameters::Source;
 use super::{Coordinates, Layout};
 use crate::robot::chain::Chain;
@@ -49,6 +50,25 @@ pub(super) struct OfJoint {
     pub(super) has_input_error: bool,
 }
 
+/// What a gyro with a low-pass reads.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Lagging {
+    /// The first of its three states ω_f, by axis in the body's axes.
+    pub state: usize,
+    /// g of the reading ω_f + g (ω_f − ω).
+    pub beyond: f64,
+}
+
+impl Lagging {
+    /// The rate that is read, in the body's axes, where the body's is `omega`: numbers or formulas.
+    pub fn rate<T: Quantity>(&self, x: &[T], omega: [T; 3]) -> [T; 3] {
+        std::array::from_fn(|axis| {
+            let filtered = x[self.state + axis];
+            if self.beyond == 0.0 { filtered } else { filtered + (filtered - omega[axis]) * self.beyond }
+        })
+    }
+}
+
 /// A gyro that lags behind its body.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Lag {
@@ -59,6 +79,7 @@ pub(super) struct Lag {
     pub(super) state: usize,
     /// The coordinate that is ln T.
     pub(super) coordinate: usize,
+    beyond: f64,
 }
 
 impl Laws {
@@ -99,9 +120,9 @@ impl Laws {
                 *slope = slope.or(law.friction_slope(joint).map(|own| first + own));
             }
             for (gyro, sensor) in robot.gyros().enumerate() {
-                if let Some(own) = law.gyro_lag(gyro) {
+                if let Some(LowPass { coordinate: own, beyond }) = law.gyro_lag(gyro) {
                     let [state, _, _] = [LAG_SIGMA; 3].map(|sigma| add_state(sigma, LAG_SIZE));
-                    laws.lags.push(Lag { gyro, body: bodies[sensor.body], state, coordinate: first + own });
+                    laws.lags.push(Lag { gyro, body: bodies[sensor.body], state, coordinate: first + own, beyond });
                 }
             }
             laws.input_delay = laws.input_delay.or(law.input_delay().map(|own| first + own));
@@ -154,8 +175,9 @@ impl Laws {
         self.input_delay
     }
 
-    pub(super) fn lagging(&self, gyro: usize) -> Option<usize> {
-        self.lags.iter().find(|lag| lag.gyro == gyro).map(|lag| lag.state)
+    pub(super) fn lagging(&self, gyro: usize) -> Option<Lagging> {
+        let lag = self.lags.iter().find(|lag| lag.gyro == gyro)?;
+        Some(Lagging { state: lag.state, beyond: lag.beyond })
     }
 
     /// Whether a law changes a drive or the supply.

@@ -36,6 +36,7 @@ pub use dynamics::MOST_PARTS;
 pub use dynamics::{Dynamics, Linear, LinksAt};
 pub use input::Input;
 pub use integrator::{Integrator, StepSlopes, Stepper};
+pub use laws::Lagging;
 pub use number::expression::{self, Expression};
 pub use number::quantity::{Number, Quantity, variable};
 pub use parameters::{Coordinate, Coordinates};
@@ -184,8 +185,8 @@ impl Model {
         self.laws.list()
     }
 
-    /// Own states that a lagging gyro reads in place of its body's rate, by axis in the body's axes: the first of three.
-    pub fn lagging(&self, gyro: usize) -> Option<usize> {
+    /// What a lagging gyro reads in place of its body's rate.
+    pub fn lagging(&self, gyro: usize) -> Option<Lagging> {
         self.laws.lagging(gyro)
     }
 

@@ -151,7 +151,7 @@ fn lagging(time_constant_s: f64) -> (Model, Vec<f64>) {
 fn a_gyro_that_lags_by_less_than_a_sample_is_followed() {
     for time_constant_s in [5e-5, 2e-4, 5e-4, 4e-3] {
         let (model, z) = lagging(time_constant_s);
-        let first = model.lagging(0).unwrap();
+        let first = model.lagging(0).unwrap().state;
         let (x, u) = random_point(&model, 5);
         let size = x.len();
         let mut stepper = Stepper::new(Integrator::RungeKutta4);

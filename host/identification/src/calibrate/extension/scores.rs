@@ -407,7 +407,7 @@ mod tests {
         let (base, extended) = (Model::new(&robot), Model::extended(&robot, vec![law]).unwrap());
         let (_, point, _) = bench.at(&base, &trial.known());
         let asked = Asked::of(&bench, &base, &point, &extended, &trial);
-        let first = extended.lagging(0).unwrap();
+        let first = extended.lagging(0).unwrap().state;
         let runs: Vec<usize> = (0..bench.series().stages()).filter(|k| bench.series().starts_run(*k)).collect();
         assert!(runs.len() > 2, "{runs:?}");
         for k in runs {

@@ -188,7 +188,7 @@ pub(crate) struct Lagging {
 impl Lagging {
     pub(crate) fn of(model: &Model, series: &Series) -> Self {
         let lagging = series.channels.iter().filter_map(|channel| match channel.kind {
-            ChannelKind::GyroAxis { gyro, body, axis: 0 } => Some((model.lagging(gyro)?, model.body(body))),
+            ChannelKind::GyroAxis { gyro, body, axis: 0 } => Some((model.lagging(gyro)?.state, model.body(body))),
             _ => None,
         });
         Lagging { gyros: lagging.collect() }

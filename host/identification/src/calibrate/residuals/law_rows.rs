@@ -118,10 +118,10 @@ impl<'m> Problem<'m> {
         let late = Late { offset_s, lag, start: &scratch.gyro_start, halfway: &scratch.gyro_halfway };
         let rotation = &point.rotations[gyro.gyro];
         let lagging = self.model.lagging(gyro.gyro);
-        let omega = match lagging {
-            Some(first) => Vector3::from_column_slice(&scratch.at[first..first + 3]),
-            None => frame.rate(gyro.body),
-        };
+        let turns = frame.rate(gyro.body);
+        let omega = lagging.map_or(turns, |lagging| lagging.rate(&scratch.at, turns.into()).into());
+        // What is read by the body's rate, and by the filtered one.
+        let [by_body, by_filtered] = lagging.map_or([1.0, 0.0], |lagging| [-lagging.beyond, 1.0 + lagging.beyond]);
         let at = (gyro.gyro, self.series.time_s(k));
         let bias = point.biases[recording][gyro.gyro];
         let reading = self.sensor_laws.gyro(self.model, &point.z, at, rotation * omega, bias);
@@ -130,10 +130,11 @@ impl<'m> Problem<'m> {
         for axis in (0..3).filter(|&axis| value[axis].is_finite()) {
             let by_omega = rotation.transpose() * reading.by_rate[axis];
             states.clear();
-            match lagging {
-                Some(first) => states.extend((0..3).map(|i| (first + i, by_omega[i]))),
-                None if !with_slopes => {}
-                None => states.extend((0..2 * m).map(|c| (c, frame.slope(gyro.body, c).dot(&by_omega)))),
+            if with_slopes && by_body != 0.0 {
+                states.extend((0..2 * m).map(|c| (c, by_body * frame.slope(gyro.body, c).dot(&by_omega))));
+            }
+            if let Some(lagging) = lagging {
+                states.extend((0..3).map(|i| (lagging.state + i, by_filtered * by_omega[i])));
             }
             border.clear();
             let turn = by_turn.transpose() * reading.by_rate[axis];

@@ -226,7 +226,9 @@ impl Evidence<'_> {
             let value = fitted.trial.value(&result.name)?.estimate;
             match result.form {
                 crate::model::law::Form::Is(i) => direction[own.start + i] = value - parameters.coordinates[i].start,
-                crate::model::law::Form::Exp(i) => direction[own.start + i] = 1.0,
+                crate::model::law::Form::Exp(i) | crate::model::law::Form::Scaled(i, _) => {
+                    direction[own.start + i] = 1.0;
+                }
                 crate::model::law::Form::Amplitude(c, s) | crate::model::law::Form::SignedAmplitude(c, s) => {
                     let index = result.name.split_once('[').map_or("", |(_, index)| index);
                     let phase = parameters.results.iter().find(|other| {

@@ -225,16 +225,16 @@ fn step(exported: &Exported<'_>, name: &str) -> String {
     let relaxations = if lags.is_empty() {
         String::new()
     } else {
-        let list: Vec<_> = lags.iter().map(|(state, p)| format!("{{{state}, {p}}}")).collect();
+        let list: Vec<_> = lags.iter().map(|(state, p, share)| format!("{{{state}, {p}, R({share:?})}}")).collect();
         format!(
             "        /* Lagging gyros relax exactly towards what they measure, however fast. */
-        static const int lags[{lag_count}][2] = {{{list}}};
+        static const struct {{ int first, told; real share; }} lags[{lag_count}] = {{{list}}};
         for (int lag = 0; lag < {lag_count}; ++lag) {{
-            const real constant = p[lags[lag][1]], ratio = part / constant, carried = exp(-ratio);
+            const real constant = lags[lag].share * p[lags[lag].told], ratio = part / constant, carried = exp(-ratio);
             const real i0 = tanh(ratio / 2) * (1 + carried), i1 = 1 - i0 / ratio, i2 = 1 - 2 * i1 / ratio;
             const real weights[4] = {{{weights}}};
             (void)i2;
-            for (int i = lags[lag][0]; i < lags[lag][0] + 3; ++i) {{
+            for (int i = lags[lag].first; i < lags[lag].first + 3; ++i) {{
                 next[i] = carried * from[i];
                 for (int s = 0; s < {count}; ++s) next[i] += weights[s] * (constant * rates_at[s][i] + states_at[s][i]);
             }}

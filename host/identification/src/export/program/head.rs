@@ -53,8 +53,8 @@ pub(super) fn covariance(exported: &Exported<'_>) -> Option<Vec<f64>> {
     Some(places.iter().flat_map(|row| places.iter().map(move |column| entry(row, column))).collect())
 }
 
-/// States of gyros that lag: the first of three, and the parameter that is the time constant.
-pub(super) fn lags(exported: &Exported<'_>) -> Vec<(usize, usize)> {
+/// States of gyros that lag: the first of three, the parameter that tells the time constant, and what share of it the time constant is.
+pub(super) fn lags(exported: &Exported<'_>) -> Vec<(usize, usize, f64)> {
     let (model, z) = (exported.calibrated.model(), exported.calibrated.z());
     let is_of = |parameter: &Parameter, coordinate: usize| match parameter.place {
         Place::Result(i) => {
@@ -65,7 +65,13 @@ pub(super) fn lags(exported: &Exported<'_>) -> Vec<(usize, usize)> {
     };
     let of = |(state, coordinate): (usize, usize)| {
         let place = exported.parameters.iter().position(|parameter| is_of(parameter, coordinate));
-        place.map(|place| (state, place))
+        place.map(|place| match exported.parameters[place].place {
+            Place::Result(i) => {
+                let told_s = model.coordinates().physical_and_slopes(z, i).0;
+                (state, place, z[coordinate].exp() / told_s)
+            }
+            _ => (state, place, 1.0),
+        })
     };
     model.lags().filter_map(of).collect()
 }

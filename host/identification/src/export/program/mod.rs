@@ -193,10 +193,8 @@ fn readings(
             ChannelKind::MotorSpeed { joint } => late[layout.thetad(joint)],
             ChannelKind::LinkSpeed { joint } => late[layout.qd(joint)],
             ChannelKind::GyroAxis { gyro, body, axis } => {
-                let rate = match model.lagging(gyro) {
-                    Some(own) => [late[own], late[own + 1], late[own + 2]],
-                    None => model.traced_body_rates(&late)[body],
-                };
+                let turns = model.traced_body_rates(&late)[body];
+                let rate = model.lagging(gyro).map_or(turns, |lagging| lagging.rate(&late, turns));
                 let (rate, bias) = seen_by_gyro(exported, p, gyro, rate);
                 laws.traced_gyro(model, z, (gyro, time_s), rate, bias)[axis]
             }

@@ -228,20 +228,21 @@ fn step(exported: &Exported<'_>) -> String {
         ),
     };
     let rubbing = exported.rubbing();
-    let lags: Vec<String> = head::lags(exported).iter().map(|(state, p)| format!("({state}, {p})")).collect();
+    let lags: Vec<String> =
+        head::lags(exported).iter().map(|(state, p, share)| format!("({state}, {p}, {share:?})")).collect();
     let count = lags.len();
     let lags = lags.join(", ");
     let relaxations = if count == 0 {
         ""
     } else {
-        "        // Lagging gyros relax exactly towards what they measure, however fast.\n        for (first, constant) in LAGS {\n            let ratio = part / p[constant];\n            let carried = Real::exp(-ratio);\n            for i in first..first + 3 {\n                next[i] = carried * from[i];\n                for (stage, weight) in relaxation(ratio).into_iter().take(STAGES.len()).enumerate() {\n                    next[i] += weight * (p[constant] * rates_at[stage][i] + states_at[stage][i]);\n                }\n            }\n        }\n"
+        "        // Lagging gyros relax exactly towards what they measure, however fast.\n        for (first, told, share) in LAGS {\n            let constant = T::of(share) * p[told];\n            let ratio = part / constant;\n            let carried = Real::exp(-ratio);\n            for i in first..first + 3 {\n                next[i] = carried * from[i];\n                for (stage, weight) in relaxation(ratio).into_iter().take(STAGES.len()).enumerate() {\n                    next[i] += weight * (constant * rates_at[stage][i] + states_at[stage][i]);\n                }\n            }\n        }\n"
     };
     let mut text = format!(
         "
 /// Stages of a step: how far along the last slope, and the weight of the slope.
 const STAGES: [(f64, f64); {stages_count}] = {stages};
-/// First states of gyros that lag, and the parameters that are their time constants.
-const LAGS: [(usize, usize); {count}] = [{lags}];
+/// First states of gyros that lag, the parameters that tell their time constants, and what share of these they are.
+const LAGS: [(usize, usize, f64); {count}] = [{lags}];
 
 /// Joints whose friction parts steps near rest: their speed, half the slope of friction's sign, the rate at which it takes a speed, 1/s.
 const RUBBING: [(usize, f64, f64); {rubbing_count}] = [{rubbing}];

@@ -65,7 +65,7 @@ pub fn calibration(robot: &Robot, extensions: &[&str]) -> Calibration {
             let value = match &result.form {
                 Form::Is(_) if result.range[1] <= 1.0 => start + 0.004,
                 Form::Is(_) => start + 0.05 * (1.0 + start.abs()),
-                Form::Exp(_) => start * 1.1,
+                Form::Exp(_) | Form::Scaled(..) => start * 1.1,
                 Form::Amplitude(..) | Form::SignedAmplitude(..) => 0.2,
                 Form::Phase(..) | Form::SignedPhase(..) => 0.6,
                 Form::MinusSum(others) => -values[values.len() - others.len()..].iter().sum::<f64>(),

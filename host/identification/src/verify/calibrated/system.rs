@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use nalgebra::{DMatrix, DVector, Vector3};
+use nalgebra::{DMatrix, DVector};
 
 use super::super::system::{Four, System};
 use super::CalibratedModel;
@@ -171,21 +171,21 @@ impl CalibratedSystem<'_> {
     ) -> f64 {
         let calibrated = self.calibrated;
         let lagging = calibrated.model.lagging(gyro);
-        let omega =
-            lagging.map_or_else(|| self.frame.rate(body), |own| Vector3::from_column_slice(&self.late[own..own + 3]));
+        let turns = self.frame.rate(body);
+        let omega = lagging.map_or(turns, |lagging| lagging.rate(&self.late, turns.into()).into());
         let rotation = &calibrated.rotations[gyro];
         let at = (gyro, self.time_s);
         let bias = calibrated.biases[gyro];
         let reading = calibrated.sensor_laws.gyro(&calibrated.model, &calibrated.z, at, rotation * omega, bias);
         if with_gradient {
             let by_omega = rotation.transpose() * reading.by_rate[axis];
-            match lagging {
-                Some(own) => row[own..own + 3].copy_from_slice(by_omega.as_slice()),
-                None => {
-                    for (column, slope) in row[..2 * joints].iter_mut().enumerate() {
-                        *slope = self.frame.slope(body, column).dot(&by_omega);
-                    }
-                }
+            let by_body = lagging.map_or(1.0, |lagging| -lagging.beyond);
+            for (column, slope) in row[..2 * joints].iter_mut().enumerate() {
+                *slope = by_body * self.frame.slope(body, column).dot(&by_omega);
+            }
+            if let Some(lagging) = lagging {
+                let by_filtered = (1.0 + lagging.beyond) * by_omega;
+                row[lagging.state..lagging.state + 3].copy_from_slice(by_filtered.as_slice());
             }
         }
         reading.value[axis]
@@ -323,12 +323,12 @@ impl System for CalibratedSystem<'_> {
         for channel in &calibrated.channels {
             // A gyro that lags shows the body's rate of a moment ago.
             if let ChannelKind::GyroAxis { gyro, body, axis: 0 } = channel.kind
-                && let Some(own) = calibrated.model.lagging(gyro)
+                && let Some(lagging) = calibrated.model.lagging(gyro)
             {
                 let (q, qd) = x[..2 * layout.chain()].split_at(layout.chain());
                 self.frame.rates(calibrated.model.chain(), q, qd);
                 let rate = self.frame.rate(calibrated.model.body(body));
-                x[own..own + 3].copy_from_slice(rate.as_slice());
+                x[lagging.state..lagging.state + 3].copy_from_slice(rate.as_slice());
             }
         }
         for (channel, reading) in calibrated.channels.iter().zip(readings) {

@@ -56,6 +56,15 @@ pub enum Hook {
     StateRate,
 }
 
+/// The low-pass of a gyro, `(1 − g T s) / (1 + T s)` of its body's rate: the reading is ω_f + g (ω_f − ω) of a state T ω̇_f = ω − ω_f.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LowPass {
+    /// Which of the law's coordinates is ln T, T in s.
+    pub coordinate: usize,
+    /// g; 0 of a filter of first order.
+    pub beyond: f64,
+}
+
 /// One joint as a law sees it. A rigid joint has θ = q.
 #[derive(Debug, Clone, Copy)]
 pub struct At<'a, T> {
@@ -299,8 +308,8 @@ pub trait Law: std::fmt::Debug + Send + Sync {
         false
     }
 
-    /// Which of its coordinates is ln T of a first-order lag of this gyro, T in s.
-    fn gyro_lag(&self, _gyro: usize) -> Option<usize> {
+    /// The low-pass of this gyro.
+    fn gyro_lag(&self, _gyro: usize) -> Option<LowPass> {
         None
     }
 

@@ -50,6 +50,8 @@ pub enum Form {
     Is(usize),
     /// e^z_i.
     Exp(usize),
+    /// c e^z_i.
+    Scaled(usize, f64),
     /// √(c² + s²) of c = A cos φ, s = A sin φ.
     Amplitude(usize, usize),
     /// φ = atan2(s, c).
@@ -75,6 +77,7 @@ impl Form {
         match *self {
             Form::Is(i) => (z[i], vec![(i, 1.0)]),
             Form::Exp(i) => (z[i].exp(), vec![(i, z[i].exp())]),
+            Form::Scaled(i, c) => (c * z[i].exp(), vec![(i, c * z[i].exp())]),
             Form::Amplitude(c, s) | Form::SignedAmplitude(c, s) => {
                 let signed = matches!(self, Form::SignedAmplitude(..)) && z[c] < 0.0;
                 // At zero the direction is not defined; any will do.
@@ -161,9 +164,10 @@ impl Parameters {
             let beyond = 0.5 * (high - low);
             match result.form {
                 Form::Is(i) if beyond.is_finite() => Some((i, [low - beyond, high + beyond])),
-                Form::Exp(i) if high.is_finite() => {
+                Form::Exp(i) | Form::Scaled(i, _) if high.is_finite() => {
                     let least = (0.5 * low.max(0.0)).max(result.finest.unwrap_or(0.0));
-                    Some((i, [least.ln(), (2.0 * high).ln()]))
+                    let scale = if let Form::Scaled(_, scale) = result.form { scale } else { 1.0 };
+                    Some((i, [(least / scale).ln(), (2.0 * high / scale).ln()]))
                 }
                 _ => None,
             }
@@ -201,6 +205,13 @@ impl Parameters {
     pub fn positive(&mut self, symbol: &str, unit: &'static str, of: Of, start: f64) -> usize {
         let i = self.coordinate(of, start.ln());
         self.result(symbol, unit, of, Form::Exp(i));
+        i
+    }
+
+    /// The same, told as `scale` times what is fitted; `start` is of what is told.
+    pub fn scaled(&mut self, symbol: &str, unit: &'static str, of: Of, scale: f64, start: f64) -> usize {
+        let i = self.coordinate(of, (start / scale).ln());
+        self.result(symbol, unit, of, Form::Scaled(i, scale));
         i
     }
 
@@ -245,6 +256,7 @@ impl Parameters {
             match result.form {
                 Form::Is(i) => z[i] = value,
                 Form::Exp(i) => z[i] = value.ln(),
+                Form::Scaled(i, c) => z[i] = (value * c.recip()).ln(),
                 // The phase follows its amplitude.
                 Form::Amplitude(c, s) | Form::SignedAmplitude(c, s) => {
                     let (sin, cos) = values[pair + 1].sin_cos();
