@@ -149,22 +149,22 @@ impl Refit<'_> {
         })
     }
 
-    /// The model of `current`, which has `accepted`, with one more law: searched from the law's start, and again with its corners where it has some. The one that predicts other
+    /// The model of `current`, which has `accepted`, with one more law: searched from the law's start, and again in its other shape where it has one. The one that predicts other
     /// blocks better; none where no search ends in numbers. One that comes to more than a cost of `above` is given up.
     pub fn with(&self, accepted: &[Named], current: &Fitted, named: &Named, above: f64) -> Option<(Named, Fitted)> {
         let effort = (ITERATIONS, above);
-        let smooth =
+        let first =
             self.tried(accepted, current, (named, above), |laws| self.bench.fit_on_top(laws, &current.trial, effort));
-        if smooth.as_ref().is_some_and(|(_, fitted)| fitted.trial.cost > above) {
-            return smooth;
+        if first.as_ref().is_some_and(|(_, fitted)| fitted.trial.cost > above) {
+            return first;
         }
-        let from = smooth.as_ref().map_or(&current.trial, |(_, fitted)| &fitted.trial);
-        let sharp = named.law.sharp().filter(|_| !named.law.is_event()).map(|law| Named { law, ..named.clone() });
-        let sharp = sharp.and_then(|named| {
+        let from = first.as_ref().map_or(&current.trial, |(_, fitted)| &fitted.trial);
+        let other = named.law.other_shape().filter(|_| !named.law.is_event()).map(|law| Named { law, ..named.clone() });
+        let other = other.and_then(|named| {
             self.tried(accepted, current, (&named, above), |laws| self.bench.fit_from(laws, (from, from), ITERATIONS))
         });
         let gain = |(_, fitted): &(Named, Fitted)| fitted.gains_over(current).iter().sum::<f64>();
-        smooth.into_iter().chain(sharp).max_by(|a, b| gain(a).total_cmp(&gain(b)))
+        first.into_iter().chain(other).max_by(|a, b| gain(a).total_cmp(&gain(b)))
     }
 
     /// A model with these laws, those of `current` and more, searched from there; none where no search ends in numbers.

@@ -138,7 +138,7 @@ impl Law for SkipLaw {
         Some(Arc::new(SkipLaw { parameters, joint, width_s, sharp_s }))
     }
 
-    fn sharp(&self) -> Option<Arc<dyn Law>> {
+    fn other_shape(&self) -> Option<Arc<dyn Law>> {
         let SkipLaw { joint, sharp_s, .. } = *self;
         let law = || -> Arc<dyn Law> {
             let parameters = parameters(self.parameters.cleared(), joint, [0.0; 2], sharp_s);

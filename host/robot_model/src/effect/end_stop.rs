@@ -137,7 +137,7 @@ impl Law for StopLaw {
         vec![Arc::new(StopLaw { parameters, joints, corner_rad: SHARP_RAD })]
     }
 
-    fn sharp(&self) -> Option<Arc<dyn Law>> {
+    fn other_shape(&self) -> Option<Arc<dyn Law>> {
         let law = || -> Arc<dyn Law> {
             let joints = self.joints.clone();
             let stops = [0, 1].map(|side| joints.iter().map(|(_, limits)| limits[side]).collect());

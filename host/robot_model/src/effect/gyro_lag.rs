@@ -10,7 +10,7 @@
 
 use rand::Rng;
 
-use super::surrogate::{Law, Laws, LowPass, Of, Parameters, each};
+use super::surrogate::{Arc, Law, Laws, LowPass, Of, Parameters, each};
 use super::{Effect, EffectError, EffectParameter, Hidden, Line, Physics, Row, Scale, Size, draw};
 use crate::robot::{Robot, Vector3};
 
@@ -36,6 +36,7 @@ const TIME_CONSTANT_S: [f64; 3] = [0.5e-3, 1.5e-3, 4e-3];
 /// and noise has more to say.
 const FINEST: f64 = 0.05;
 
+/// One pole a gyro.
 #[derive(Debug)]
 struct GyroLag {
     /// T of every gyro, s.
@@ -69,7 +70,8 @@ fn make(robot: &Robot, size: Size, rng: &mut dyn Rng) -> Result<Hidden, EffectEr
     if time_constant.is_empty() {
         return Err(EffectError::Unsuited { effect: EFFECT.id, reason: "the robot has no gyro" });
     }
-    let values = draw::of_gyros(EFFECT.id, "T", "s", &time_constant);
+    let mut values = draw::of_gyros(EFFECT.id, "T", "s", &time_constant);
+    values.push(draw::single(EFFECT.id, "poles", "1", 1.0));
     Ok(Hidden { id: EFFECT.id, values, physics: Box::new(GyroLag { time_constant }) })
 }
 
@@ -80,12 +82,35 @@ const BEYOND: f64 = 1.0 / 3.0;
 #[derive(Debug)]
 struct FilterLaw {
     parameters: Parameters,
+    gyros: usize,
+    /// T of the start, s.
+    start_s: f64,
+    finest_s: f64,
     beyond: f64,
+}
+
+impl FilterLaw {
+    /// With one or two poles, from a T on.
+    fn new(mut parameters: Parameters, gyros: usize, (poles, start_s): (f64, f64), finest_s: f64) -> Self {
+        let beyond = if poles == 1.0 { 0.0 } else { BEYOND };
+        for gyro in 0..gyros {
+            parameters.scaled("T", "s", Of::Gyro(gyro), 1.0 + beyond, start_s);
+        }
+        parameters.within("T", [0.0, 0.05]);
+        parameters.no_finer("T", finest_s);
+        parameters.chosen("poles", "1", poles);
+        FilterLaw { parameters, gyros, start_s, finest_s, beyond }
+    }
 }
 
 impl Law for FilterLaw {
     fn parameters(&self) -> &Parameters {
         &self.parameters
+    }
+
+    fn other_shape(&self) -> Option<Arc<dyn Law>> {
+        let poles = if self.beyond == 0.0 { 2.0 } else { 1.0 };
+        Some(Arc::new(FilterLaw::new(self.parameters.cleared(), self.gyros, (poles, self.start_s), self.finest_s)))
     }
 
     fn gyro_lag(&self, gyro: usize) -> Option<LowPass> {
@@ -99,15 +124,8 @@ fn laws(robot: &Robot) -> Laws {
         return Err(EffectError::Unsuited { effect: EFFECT.id, reason: "the robot has no gyro" });
     }
     let with = |(poles, periods): (f64, f64)| {
-        let mut parameters = Parameters::on(EFFECT.id, robot);
-        let beyond = if poles == 1.0 { 0.0 } else { BEYOND };
-        for gyro in 0..gyros {
-            parameters.scaled("T", "s", Of::Gyro(gyro), 1.0 + beyond, periods * robot.sample_period_s);
-        }
-        parameters.within("T", [0.0, 0.05]);
-        parameters.no_finer("T", FINEST * robot.sample_period_s);
-        parameters.chosen("poles", "1", poles);
-        FilterLaw { parameters, beyond }
+        let start_s = periods * robot.sample_period_s;
+        FilterLaw::new(Parameters::on(EFFECT.id, robot), gyros, (poles, start_s), FINEST * robot.sample_period_s)
     };
     each([(1.0, 1.5), (1.0, 0.7), (1.0, 4.0), (2.0, 1.5), (2.0, 4.0)].map(with))
 }
@@ -137,13 +155,7 @@ mod tests {
 
     #[test]
     fn each_shape_is_the_filter_of_its_poles() {
-        let with = |poles: f64| {
-            let beyond = if poles == 1.0 { 0.0 } else { BEYOND };
-            let mut parameters = Parameters::new(EFFECT.id);
-            parameters.scaled("T", "s", Of::Gyro(0), 1.0 + beyond, 1e-3);
-            parameters.chosen("poles", "1", poles);
-            FilterLaw { parameters, beyond }
-        };
+        let with = |poles: f64| FilterLaw::new(Parameters::new(EFFECT.id), 1, (poles, 1e-3), 1e-5);
         let delay_s = 3.5e-3;
         for hz in [1.0, 5.0, 20.0] {
             let s = Complex::new(0.0, std::f64::consts::TAU * hz);

@@ -182,7 +182,7 @@ impl Law for StribeckLaw {
         SIGMA
     }
 
-    fn sharp(&self) -> Option<Arc<dyn Law>> {
+    fn other_shape(&self) -> Option<Arc<dyn Law>> {
         Some(Arc::new(StickingLaw::of(self)))
     }
 
@@ -357,7 +357,7 @@ mod tests {
     #[test]
     fn the_law_that_sticks_slides_as_the_effect_does_and_holds_what_its_bristles_hold() {
         let robot = Robot::builtin("doggy").unwrap();
-        let law = laws(&robot).unwrap().swap_remove(0).sharp().unwrap();
+        let law = laws(&robot).unwrap().swap_remove(0).other_shape().unwrap();
         let (dmu, v_s) = (1.5, 0.08);
         let parameters = [dmu, 1e-5f64.ln(), f64::ln(v_s)];
         for speed in [0.01_f64, -0.04, 0.08, -0.2, 4.0] {

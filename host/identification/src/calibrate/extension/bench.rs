@@ -366,7 +366,7 @@ mod tests {
         let noise = base.noise.clone();
         let (bench, trial) =
             Bench::new(&robot, (base.series.clone(), vec![0]), &base, noise, Settings::default()).unwrap();
-        let law = Effect::by_id("end_stop").unwrap().laws(&robot).unwrap().swap_remove(0).sharp().unwrap();
+        let law = Effect::by_id("end_stop").unwrap().laws(&robot).unwrap().swap_remove(0).other_shape().unwrap();
         let with = bench.fit(&[law], &trial, 3).unwrap();
         let error = |trial: &Trial, name: &str| trial.value(name).unwrap().std_error;
         for name in ["k_s[2]", "b", "mu[3]"] {

@@ -55,8 +55,8 @@ pub(crate) fn laws_of<S: AsRef<str>>(
     };
     let chosen = effects(ids)?.into_iter().map(|effect| {
         let mut alternatives = effect.laws(robot)?;
-        let sharp: Laws = alternatives.iter().filter_map(|law| law.sharp()).collect();
-        alternatives.extend(sharp);
+        let others: Laws = alternatives.iter().filter_map(|law| law.other_shape()).collect();
+        alternatives.extend(others);
         // Of shapes that suit, the one with most results: the others leave some of them unsaid.
         let suited = (0..alternatives.len()).filter(|place| suits(&alternatives[*place]));
         let place = suited.rev().max_by_key(|place| alternatives[*place].parameters().results.len()).unwrap_or(0);

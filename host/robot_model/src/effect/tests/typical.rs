@@ -51,7 +51,7 @@ fn every_result_of_every_law_has_a_role() {
         for effect in CATALOGUE {
             for law in effect.laws(&robot).into_iter().flatten() {
                 check(effect, law.parameters(), &robot);
-                if let Some(sharp) = law.sharp() {
+                if let Some(sharp) = law.other_shape() {
                     check(effect, sharp.parameters(), &robot);
                 }
                 laws += 1;

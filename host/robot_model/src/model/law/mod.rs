@@ -195,8 +195,9 @@ pub trait Law: std::fmt::Debug + Send + Sync {
         None
     }
 
-    /// The same law with the corners of [`starts`](Self::starts), which a search from afar would not get over. None where it has them, or none.
-    fn sharp(&self) -> Option<Arc<dyn Law>> {
+    /// Another shape of the same law with the same results, which a search tries from where this one ends: one with the corners of
+    /// [`starts`](Self::starts), which a search from afar would not get over, or a filter of another order. None where there is none.
+    fn other_shape(&self) -> Option<Arc<dyn Law>> {
         None
     }
 
