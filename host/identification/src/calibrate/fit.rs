@@ -16,6 +16,7 @@ use super::extension::trimmed::Trimmed;
 use super::extension::warm_start;
 use super::extension::warm_start::Known;
 use super::identifiability::observability;
+use super::initial_guess::equilibrium;
 use super::initial_guess::start;
 use super::initial_guess::torque_start::TorqueStart;
 use super::noise_estimate::outliers::Screened;
@@ -48,9 +49,6 @@ const TRIED: f64 = 1e-2;
 
 /// Iterations of a first search from what torques have shown, after which both are compared. Half and double have not been tried.
 const NEAR: usize = 10;
-
-/// Iterations in which states settle around shared unknowns that are nearly right.
-const SETTLING: usize = 3;
 
 /// Inner iterations of a search: where friction is steep states stand at bends of the model, and a step of all unknowns is rejected for a few of them.
 /// Kernels that make four stages at once have robots whose friction is not.
@@ -254,15 +252,9 @@ impl Task<'_> {
         let estimated = self.method.noise == NoiseSource::Estimated;
         let rough = Settings { relative_cost_change: settings.relative_cost_change.max(ROUGH), ..settings.clone() };
         let first = if estimated { &rough } else { settings };
-        // Only the states have to settle where a trial has found the rest.
-        let settled = Settings { max_iterations: SETTLING, ..rough.clone() };
         // What torques have shown is near the end, or the model does not fit: then a search goes far, and slowly.
         let near = Settings { max_iterations: NEAR, ..rough.clone() };
-        let opening = match () {
-            () if self.tight.is_some() => &settled,
-            () if self.by_torques.is_some() => &near,
-            () => first,
-        };
+        let opening = if self.by_torques.is_some() { &near } else { first };
 
         problem.shift_readings(&start.z);
         if estimated && self.by_torques.is_some() {
@@ -270,7 +262,15 @@ impl Task<'_> {
             screened.look(&mut problem, &settled, settings.threads);
         }
         let at_start = problem.noise().clone();
-        let mut found = search::search(&problem, robot, &start, &structural, opening, &mut progress)?;
+        let mut found = if let Some(noise) = &self.tight {
+            // A trial has found the rest under this noise, which from states of another model leads astray: they get there under the base model's first.
+            let eased = equilibrium::states_alone(&problem, start.clone(), settings);
+            problem.set_noise(noise.clone());
+            let near = Settings { relative_cost_change: TRIED, ..first.clone() };
+            search::from_known(&problem, robot, (&start, eased), &structural, &near, &mut progress)?
+        } else {
+            search::search(&problem, robot, &start, &structural, opening, &mut progress)?
+        };
         let scatter = |problem: &Problem<'m>, found: &Found<'m>| {
             let directions: Vec<_> = found.held.iter().map(|held| held.direction.clone()).collect();
             let is_asked = self.method.preset != Preset::Paper;
@@ -295,11 +295,6 @@ impl Task<'_> {
                 break;
             }
             found = search::again(&problem, robot, (&start, found), &structural, first, &mut progress)?;
-        }
-        if let Some(noise) = &self.tight {
-            problem.set_noise(noise.clone());
-            let near = Settings { relative_cost_change: TRIED, ..first.clone() };
-            found = search::again(&problem, robot, (&start, found), &structural, &near, &mut progress)?;
         }
         for _ in 0..MOST_SIFTINGS {
             if !disagree.is_empty() || !screened.look(&mut problem, &found.solution.point, settings.threads) {

@@ -56,6 +56,23 @@ pub(crate) fn search<'m>(
     settle((problem, part.as_ref()), robot, (start, from), (structural, weak), settings, progress)
 }
 
+/// [`search`] from shared unknowns that another search has found under these weights, and `from`, whose states suit other weights: they are made to suit first.
+///
+/// # Errors
+/// As a solve's own.
+pub(crate) fn from_known<'m>(
+    problem: &Problem<'m>,
+    robot: &Robot,
+    (start, from): (&Point<'m>, Point<'m>),
+    structural: &[Held],
+    settings: &Settings,
+    progress: impl FnMut(usize, &Iteration),
+) -> Result<Found<'m>, SolveError> {
+    let from = equilibrium::states_alone(problem, from, settings);
+    let weak = identify::judge(problem, robot, start, structural, settings.threads)?.weak;
+    settle((problem, None), robot, (start, from), (structural, weak), settings, progress)
+}
+
 /// Searches on from the end of another search, under other weights or with fewer readings; what is held stands as it does at `start`.
 ///
 /// # Errors
