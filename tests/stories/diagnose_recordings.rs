@@ -202,6 +202,6 @@ fn a_friction_that_no_law_has_keeps_its_place_without_a_name_among_small_effects
     let (_, diag, _) = diagnosed(&folder, "dirty_outsider");
     nothing_false_is_named(&diag, &OTHER_BACKGROUND, &[]);
     // The friction of the second motor follows the third joint's angle.
-    let place = &diag["unexplained"]["places"][0];
+    let place = &diag["unexplained"]["where"][0];
     assert_eq!((&place["row"], &place["axis"]), (&Value::from("motor"), &Value::from(2)), "{}", diag["unexplained"]);
 }
