@@ -54,7 +54,9 @@ fn with_law(robot: &Robot, effect: &Effect) -> Option<Model> {
 /// The model with the first and with the last of the law's alternatives.
 fn with_ends(robot: &Robot, effect: &Effect) -> Vec<Model> {
     let mut laws = effect.laws(robot).unwrap_or_default();
-    laws.drain(1.min(laws.len())..laws.len().saturating_sub(1).max(1).min(laws.len()));
+    let last = if laws.len() > 1 { laws.pop() } else { None };
+    laws.truncate(1);
+    laws.extend(last);
     laws.into_iter().map(|law| Model::extended(robot, vec![law]).unwrap()).collect()
 }
 

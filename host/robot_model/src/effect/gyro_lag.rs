@@ -82,7 +82,6 @@ const BEYOND: f64 = 1.0 / 3.0;
 #[derive(Debug)]
 struct FilterLaw {
     parameters: Parameters,
-    gyros: usize,
     /// T of the start, s.
     start_s: f64,
     finest_s: f64,
@@ -99,7 +98,7 @@ impl FilterLaw {
         parameters.within("T", [0.0, 0.05]);
         parameters.no_finer("T", finest_s);
         parameters.chosen("poles", "1", poles);
-        FilterLaw { parameters, gyros, start_s, finest_s, beyond }
+        FilterLaw { parameters, start_s, finest_s, beyond }
     }
 }
 
@@ -110,7 +109,12 @@ impl Law for FilterLaw {
 
     fn other_shape(&self) -> Option<Arc<dyn Law>> {
         let poles = if self.beyond == 0.0 { 2.0 } else { 1.0 };
-        Some(Arc::new(FilterLaw::new(self.parameters.cleared(), self.gyros, (poles, self.start_s), self.finest_s)))
+        Some(Arc::new(FilterLaw::new(
+            self.parameters.cleared(),
+            self.parameters.coordinates.len(),
+            (poles, self.start_s),
+            self.finest_s,
+        )))
     }
 
     fn gyro_lag(&self, gyro: usize) -> Option<LowPass> {

@@ -18,8 +18,8 @@ pub trait Offered: Copy + 'static {
     /// The values, in the order of the help.
     const ALL: &'static [Choice<Self>];
 
-    /// Name and help of one; none of a value that is set in code only.
-    fn possible_value(self) -> Option<PossibleValue>;
+    /// Name and help of one.
+    fn possible_value(self) -> PossibleValue;
 }
 
 impl<T: Offered> ValueEnum for Choice<T> {
@@ -28,34 +28,34 @@ impl<T: Offered> ValueEnum for Choice<T> {
     }
 
     fn to_possible_value(&self) -> Option<PossibleValue> {
-        self.0.possible_value()
+        Some(self.0.possible_value())
     }
 }
 
 impl Offered for Preset {
     const ALL: &'static [Choice<Self>] = &[Choice(Preset::Default), Choice(Preset::Paper)];
 
-    fn possible_value(self) -> Option<PossibleValue> {
-        Some(match self {
+    fn possible_value(self) -> PossibleValue {
+        match self {
             Preset::Default => PossibleValue::new("default")
                 .help("Runge–Kutta steps, every gyro predicted from the state on a rigid base, tight process noise"),
             Preset::Paper => PossibleValue::new("paper")
                 .help("The paper's problem, to reproduce it with its biases: Euler steps, rows (22) and (26), noise of (35)–(37)"),
-        })
+        }
     }
 }
 
 impl Offered for NoiseSource {
     const ALL: &'static [Choice<Self>] = &[Choice(NoiseSource::Fixed), Choice(NoiseSource::Estimated)];
 
-    fn possible_value(self) -> Option<PossibleValue> {
-        Some(match self {
+    fn possible_value(self) -> PossibleValue {
+        match self {
             NoiseSource::Fixed => PossibleValue::new("fixed")
                 .help("The robot file's for the sensors, the preset's for the steps of the model"),
             NoiseSource::Estimated => {
                 PossibleValue::new("estimated").help("The recording itself, by restricted maximum likelihood")
             }
-        })
+        }
     }
 }
 
@@ -77,12 +77,12 @@ impl ValueEnum for Criterion {
 impl Offered for By {
     const ALL: &'static [Choice<Self>] = &[Choice(By::Robot), Choice(By::Folder)];
 
-    fn possible_value(self) -> Option<PossibleValue> {
-        Some(match self {
+    fn possible_value(self) -> PossibleValue {
+        match self {
             By::Robot => PossibleValue::new("robot").help("The robot's name in the description"),
             By::Folder => PossibleValue::new("folder")
                 .help("The folder that the result lies in: one folder a robot, where many have the same description"),
-        })
+        }
     }
 }
 
@@ -122,14 +122,14 @@ impl ValueEnum for Pace {
 impl Offered for EmptyInputs {
     const ALL: &'static [Choice<Self>] = &[Choice(EmptyInputs::Hold), Choice(EmptyInputs::Interpolate)];
 
-    fn possible_value(self) -> Option<PossibleValue> {
-        Some(match self {
+    fn possible_value(self) -> PossibleValue {
+        match self {
             EmptyInputs::Hold => {
                 PossibleValue::new("hold").help("The last one: of a command, which lasts until the next")
             }
             EmptyInputs::Interpolate => {
                 PossibleValue::new("interpolate").help("On a straight line to the next: of a torque that was measured")
             }
-        })
+        }
     }
 }

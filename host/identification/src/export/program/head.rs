@@ -1,6 +1,6 @@
 //! The head of a program: where it comes from, what it lost, what every number means.
 
-use crate::export::{Exported, Loss, Parameter, Place};
+use crate::export::{Exported, Loss, Place};
 
 /// Lines of a comment.
 pub(in crate::export) fn of_program(exported: &Exported<'_>, losses: &[Loss]) -> Vec<String> {
@@ -56,21 +56,11 @@ pub(super) fn covariance(exported: &Exported<'_>) -> Option<Vec<f64>> {
 /// States of gyros that lag: the first of three, the parameter that tells the time constant, and what share of it the time constant is.
 pub(super) fn lags(exported: &Exported<'_>) -> Vec<(usize, usize, f64)> {
     let (model, z) = (exported.calibrated.model(), exported.calibrated.z());
-    let is_of = |parameter: &Parameter, coordinate: usize| match parameter.place {
-        Place::Result(i) => {
-            let slopes = model.coordinates().physical_and_slopes(z, i).1;
-            slopes.iter().any(|(own, _)| *own == coordinate)
-        }
-        _ => false,
-    };
     let of = |(state, coordinate): (usize, usize)| {
-        let place = exported.parameters.iter().position(|parameter| is_of(parameter, coordinate));
-        place.map(|place| match exported.parameters[place].place {
-            Place::Result(i) => {
-                let told_s = model.coordinates().physical_and_slopes(z, i).0;
-                (state, place, z[coordinate].exp() / told_s)
-            }
-            _ => (state, place, 1.0),
+        exported.parameters.iter().enumerate().find_map(|(place, parameter)| {
+            let Place::Result(i) = parameter.place else { return None };
+            let (told_s, slopes) = model.coordinates().physical_and_slopes(z, i);
+            slopes.iter().any(|(own, _)| *own == coordinate).then(|| (state, place, z[coordinate].exp() / told_s))
         })
     };
     model.lags().filter_map(of).collect()

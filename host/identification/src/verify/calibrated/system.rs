@@ -180,8 +180,10 @@ impl CalibratedSystem<'_> {
         if with_gradient {
             let by_omega = rotation.transpose() * reading.by_rate[axis];
             let by_body = lagging.map_or(1.0, |lagging| -lagging.beyond);
-            for (column, slope) in row[..2 * joints].iter_mut().enumerate() {
-                *slope = by_body * self.frame.slope(body, column).dot(&by_omega);
+            if by_body != 0.0 {
+                for (column, slope) in row[..2 * joints].iter_mut().enumerate() {
+                    *slope = by_body * self.frame.slope(body, column).dot(&by_omega);
+                }
             }
             if let Some(lagging) = lagging {
                 let by_filtered = (1.0 + lagging.beyond) * by_omega;

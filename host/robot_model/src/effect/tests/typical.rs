@@ -51,8 +51,8 @@ fn every_result_of_every_law_has_a_role() {
         for effect in CATALOGUE {
             for law in effect.laws(&robot).into_iter().flatten() {
                 check(effect, law.parameters(), &robot);
-                if let Some(sharp) = law.other_shape() {
-                    check(effect, sharp.parameters(), &robot);
+                if let Some(other) = law.other_shape() {
+                    check(effect, other.parameters(), &robot);
                 }
                 laws += 1;
             }
