@@ -7,7 +7,7 @@ use super::catalogue::{Named, laws};
 use super::criteria::{BLOCKS, SCAN_SAMPLES, STATES};
 use super::scores::block_scores::left_out;
 use super::scores::cross_validation::log_gain;
-use crate::calibrate::{Bench, BlockFit, CalibrateError, Trial, Trimmed};
+use crate::calibrate::{Bench, BlockFit, CalibrateError, ENOUGH_OF_SAVED, Trial, Trimmed};
 use crate::model::law::Law;
 
 /// Iterations of a law, of one of an event, and of a model that lost one.
@@ -207,7 +207,7 @@ impl Refit<'_> {
         // Blocks promise more than all of them together have: the search has not ended yet, unless it was given up.
         if let Ok(first) = &fitted
             && first.trial.cost <= above
-            && sum(first.gains_over(current)) > sum(first.own_gains_over(current)).max(0.0)
+            && sum(first.gains_over(current)) > (1.0 + ENOUGH_OF_SAVED) * sum(first.own_gains_over(current)).max(0.0)
         {
             let again = self.bench.fit_on_top(&with, &first.trial, (ITERATIONS, above)).and_then(measured);
             let gain = |fitted: &Fitted| sum(fitted.gains_over(current));

@@ -25,7 +25,7 @@ use crate::model::law::Law;
 use crate::model::{Layout, Model};
 use crate::robot::Robot;
 use solve::border::Border;
-use solve::levenberg::{self, Hopeless, Settings};
+use solve::levenberg::{self, Enough, Hopeless, Settings};
 
 /// A point whose squares are this many times as many as rows is far off.
 const FAR: f64 = 2.0;
@@ -38,22 +38,27 @@ const HOPELESS: usize = 8;
 /// Stages that a search may factorise in steps of the states alone, after steps that lead to more than they started from: short recordings can afford more of such steps.
 const INNER_STAGES: usize = 120_000;
 
+/// What more laws save is known well enough once a step adds less than this share of it: a third of what rivals may differ by and still be told apart by something else.
+pub(crate) const ENOUGH_OF_SAVED: f64 = 0.01;
+
 /// How long a search goes on.
 #[derive(Debug, Clone, Copy)]
 struct Effort {
     /// Most iterations.
     iterations: usize,
     hopeless: Option<Hopeless>,
+    enough: Option<Enough>,
 }
 
 impl Effort {
     fn of(iterations: usize) -> Self {
-        Effort { iterations, hopeless: None }
+        Effort { iterations, hopeless: None, enough: None }
     }
 
-    /// The same that gives up where laws lead to more than they started from.
-    fn unless_above(self, cost: f64) -> Self {
-        Effort { hopeless: Some(Hopeless { after: HOPELESS, above: cost }), ..self }
+    /// The same that gives up where laws lead to more than `above`, and ends where it is known what they save of `below`.
+    fn to_compare(self, above: f64, below: f64) -> Self {
+        let hopeless = Some(Hopeless { after: HOPELESS, above });
+        Effort { hopeless, enough: Some(Enough { below, share: ENOUGH_OF_SAVED }), ..self }
     }
 }
 
@@ -150,7 +155,7 @@ impl<'a> Bench<'a> {
         self.search(&from.laws, &Known { block_weights, ..from.known() }, Effort::of(iterations))
     }
 
-    /// [`Self::fit`] of laws on top of those of `from`, a trial on this bench. Gives up where they cost more than `above` and do not fall fast.
+    /// [`Self::fit`] of laws on top of those of `from`, a trial on this bench, until it is known what they save. Gives up where they cost more than `above` and do not fall fast.
     ///
     /// # Errors
     /// A model that cannot be built or solved.
@@ -160,7 +165,7 @@ impl<'a> Bench<'a> {
         from: &Trial,
         (iterations, above): (usize, f64),
     ) -> Result<Trial, CalibrateError> {
-        self.search(laws, &from.known(), Effort::of(iterations).unless_above(above))
+        self.search(laws, &from.known(), Effort::of(iterations).to_compare(above, from.cost))
     }
 
     /// Fits the base model with `laws` from the values of one trial, and the states of another, both on this bench. Gives up as [`Self::fit_on_top`] does.
@@ -176,7 +181,7 @@ impl<'a> Bench<'a> {
         self.search(
             laws,
             &Known { states: &states.states, layout: &states.layout, laws: &states.laws, ..values.known() },
-            Effort::of(iterations).unless_above(values.cost),
+            Effort::of(iterations).to_compare(values.cost, values.cost),
         )
     }
 
@@ -279,7 +284,7 @@ impl<'a> Bench<'a> {
         &self,
         laws: &[Arc<dyn Law>],
         from: &Known<'_>,
-        Effort { iterations, hopeless }: Effort,
+        Effort { iterations, hopeless, enough }: Effort,
     ) -> Result<Trial, CalibrateError> {
         let model = Model::extended(self.robot, laws.to_vec())?;
         let (mut problem, start, held) = self.at(&model, from);
@@ -292,6 +297,7 @@ impl<'a> Bench<'a> {
             max_iterations: iterations,
             most_while_falling: iterations,
             hopeless,
+            enough,
             inner_iterations: INNER_STAGES / self.series.stages().max(1),
             ..self.settings.clone()
         };
