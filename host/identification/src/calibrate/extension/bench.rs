@@ -38,9 +38,6 @@ const HOPELESS: usize = 8;
 /// Stages that a search may factorise in steps of the states alone, after steps that lead to more than they started from: short recordings can afford more of such steps.
 const INNER_STAGES: usize = 120_000;
 
-/// What more laws save is known well enough once a step adds less than this share of it: a third of what rivals may differ by and still be told apart by something else.
-pub(crate) const ENOUGH_OF_SAVED: f64 = 0.01;
-
 /// How long a search goes on.
 #[derive(Debug, Clone, Copy)]
 struct Effort {
@@ -54,11 +51,25 @@ impl Effort {
     fn of(iterations: usize) -> Self {
         Effort { iterations, hopeless: None, enough: None }
     }
+}
 
-    /// The same that gives up where laws lead to more than `above`, and ends where it is known what they save of `below`.
-    fn to_compare(self, above: f64, below: f64) -> Self {
+/// How long a search goes on of which it is asked what more laws save.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SavingEffort {
+    /// Most iterations.
+    pub iterations: usize,
+    /// ½ Σ r² above which it is given up, unless it falls fast.
+    pub above: f64,
+    /// A step that saves less than this share of all that is saved is the last one.
+    pub enough: f64,
+}
+
+impl SavingEffort {
+    /// Where savings count from `below` on.
+    fn from(self, below: f64) -> Effort {
+        let SavingEffort { iterations, above, enough } = self;
         let hopeless = Some(Hopeless { after: HOPELESS, above });
-        Effort { hopeless, enough: Some(Enough { below, share: ENOUGH_OF_SAVED }), ..self }
+        Effort { iterations, hopeless, enough: Some(Enough { below, share: enough }) }
     }
 }
 
@@ -155,7 +166,7 @@ impl<'a> Bench<'a> {
         self.search(&from.laws, &Known { block_weights, ..from.known() }, Effort::of(iterations))
     }
 
-    /// [`Self::fit`] of laws on top of those of `from`, a trial on this bench, until it is known what they save. Gives up where they cost more than `above` and do not fall fast.
+    /// [`Self::fit`] of laws on top of those of `from`, a trial on this bench, until it is known what they save.
     ///
     /// # Errors
     /// A model that cannot be built or solved.
@@ -163,12 +174,12 @@ impl<'a> Bench<'a> {
         &self,
         laws: &[Arc<dyn Law>],
         from: &Trial,
-        (iterations, above): (usize, f64),
+        effort: SavingEffort,
     ) -> Result<Trial, CalibrateError> {
-        self.search(laws, &from.known(), Effort::of(iterations).to_compare(above, from.cost))
+        self.search(laws, &from.known(), effort.from(from.cost))
     }
 
-    /// Fits the base model with `laws` from the values of one trial, and the states of another, both on this bench. Gives up as [`Self::fit_on_top`] does.
+    /// The same from the values of one trial, and the states of another, both on this bench.
     ///
     /// # Errors
     /// A model that cannot be built or solved.
@@ -176,12 +187,12 @@ impl<'a> Bench<'a> {
         &self,
         laws: &[Arc<dyn Law>],
         (values, states): (&Trial, &Trial),
-        iterations: usize,
+        effort: SavingEffort,
     ) -> Result<Trial, CalibrateError> {
         self.search(
             laws,
             &Known { states: &states.states, layout: &states.layout, laws: &states.laws, ..values.known() },
-            Effort::of(iterations).to_compare(values.cost, values.cost),
+            effort.from(values.cost),
         )
     }
 
