@@ -1,0 +1,9 @@
+//! Stories of commands as users meet them: files, refusals, exit codes, the documents' worked examples.
+
+mod command_line;
+mod observe;
+mod plan;
+#[path = "../program/mod.rs"]
+mod program;
+mod recordings;
+mod verify;
