@@ -2,7 +2,6 @@
 
 mod command_line;
 mod observe;
-mod plan;
 #[path = "../program/mod.rs"]
 mod program;
 mod recordings;

@@ -1,15 +1,18 @@
-//! `host plan` as a user meets it: the commands of host/doc/plan.md, what the plan promises, the same file for the same seed, refusals.
+//! `host plan` as a user meets it: the commands of host/doc/plan.md, what the plan promises, the same file for the same seed, refusals. A plan has a time limit, so that they run beside
+//! no others.
+
+mod program;
 
 use std::path::Path;
 
-use crate::program::{host, json};
 use assert_cmd::Command;
+use program::{host, json};
 use protocol::Motion;
 use serde_json::Value;
 
 /// The commands of a block of the document, counted from 0, without the program's name.
 fn commands(block: usize) -> Vec<Vec<String>> {
-    let document = include_str!("../../doc/plan.md");
+    let document = include_str!("../doc/plan.md");
     let block = document.split("```sh\n").nth(block + 1).and_then(|rest| rest.split("```").next()).unwrap();
     block.lines().map(|line| line.split_whitespace().skip(1).map(str::to_owned).collect()).collect()
 }
