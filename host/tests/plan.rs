@@ -1,5 +1,4 @@
-//! `host plan` as a user meets it: the commands of host/doc/plan.md, what the plan promises, the same file for the same seed, refusals. A plan has a time limit, so that they run beside
-//! no others.
+//! `host plan` as a user meets it: the commands of host/doc/plan.md, what the plan promises, the same file for the same seed, refusals.
 
 mod program;
 
