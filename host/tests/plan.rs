@@ -1,4 +1,5 @@
-//! `host plan` as a user meets it: the commands of host/doc/plan.md, what the plan promises, the same file for the same seed, refusals.
+//! `host plan` as a user meets it: the commands of host/doc/plan.md, what the plan promises, the same file for the same seed, refusals. A plan has a time limit, so that they run beside
+//! no others.
 
 mod program;
 

@@ -1,4 +1,4 @@
-//! Stories of `host record`: the binary against a scripted device behind a pseudo-terminal.
+//! Stories of `host record`: the binary against a scripted device behind a pseudo-terminal. They run in real time, beside no others.
 
 #[path = "../src/link/tests/firmware.rs"]
 #[allow(dead_code, reason = "the link's own tests use the rest of it")]

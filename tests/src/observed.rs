@@ -113,7 +113,7 @@ fn filter_errors(model: &CalibratedModel, simulated: &Direct) -> Vec<(String, f6
         segments: recording.segments(),
         period_s: recording.period_s,
     };
-    let track = filter::run(&model.system(), &columns);
+    let track = filter::run(&model.system(), &columns, None);
     let layout = model.model().layout();
     let joints = 0..layout.joints();
     let states = joints.flat_map(|i| [(format!("q{}", i + 1), layout.q(i)), (format!("qd{}", i + 1), layout.qd(i))]);

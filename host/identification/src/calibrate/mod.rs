@@ -28,7 +28,7 @@ mod tests;
 
 pub use data::series::Series;
 pub use error::CalibrateError;
-pub use extension::bench::Bench;
+pub use extension::bench::{Bench, SavingEffort};
 pub use extension::blocks::{BlockFit, BlockScores, LawBlock, ParameterAt, Quadratic};
 pub use extension::trial::{JointState, Trial, TrialValue};
 pub use extension::trimmed::Trimmed;

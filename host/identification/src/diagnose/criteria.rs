@@ -58,6 +58,9 @@ pub const TANGENT: f64 = 0.25;
 /// A refit that after a few iterations saves less than this share of what the best one so far does, and does not fall fast, is given up: it is no rival.
 pub const LEAST_OF_BEST: f64 = 0.5;
 
+/// A refit ends with the step that adds less than this share to what its law saves: a third of [`RIVAL_SHARE`], within which rivals are told apart by something else.
+pub const ENOUGH_OF_SAVED: f64 = 0.01;
+
 /// |cos| of projected columns from which on two laws may stand for each other.
 pub const COLLINEAR: f64 = 0.9;
 

@@ -4,16 +4,21 @@ use std::sync::Arc;
 
 use super::axes::is_of;
 use super::catalogue::{Named, laws};
-use super::criteria::{BLOCKS, SCAN_SAMPLES, STATES};
+use super::criteria::{BLOCKS, ENOUGH_OF_SAVED, SCAN_SAMPLES, STATES};
 use super::scores::block_scores::left_out;
 use super::scores::cross_validation::log_gain;
-use crate::calibrate::{Bench, BlockFit, CalibrateError, Trial, Trimmed};
+use crate::calibrate::{Bench, BlockFit, CalibrateError, SavingEffort, Trial, Trimmed};
 use crate::model::law::Law;
 
 /// Iterations of a law, of one of an event, and of a model that lost one.
 const ITERATIONS: usize = 30;
 const EVENT_ITERATIONS: usize = 40;
 const DROP_ITERATIONS: usize = 10;
+
+/// A search that gives up above this cost.
+fn saving(above: f64) -> SavingEffort {
+    SavingEffort { iterations: ITERATIONS, above, enough: ENOUGH_OF_SAVED }
+}
 
 /// A model on the bench with what its blocks cost by the others.
 #[derive(Debug, Clone)]
@@ -152,7 +157,7 @@ impl Refit<'_> {
     /// The model of `current`, which has `accepted`, with one more law: searched from the law's start, and again in its other shape where it has one. The one that predicts other
     /// blocks better; none where no search ends in numbers. One that comes to more than a cost of `above` is given up.
     pub fn with(&self, accepted: &[Named], current: &Fitted, named: &Named, above: f64) -> Option<(Named, Fitted)> {
-        let effort = (ITERATIONS, above);
+        let effort = saving(above);
         let first =
             self.tried(accepted, current, (named, above), |laws| self.bench.fit_on_top(laws, &current.trial, effort));
         if first.as_ref().is_some_and(|(_, fitted)| fitted.trial.cost > above) {
@@ -161,7 +166,9 @@ impl Refit<'_> {
         let from = first.as_ref().map_or(&current.trial, |(_, fitted)| &fitted.trial);
         let other = named.law.other_shape().filter(|_| !named.law.is_event()).map(|law| Named { law, ..named.clone() });
         let other = other.and_then(|named| {
-            self.tried(accepted, current, (&named, above), |laws| self.bench.fit_from(laws, (from, from), ITERATIONS))
+            self.tried(accepted, current, (&named, above), |laws| {
+                self.bench.fit_from(laws, (from, from), saving(from.cost))
+            })
         });
         let gain = |(_, fitted): &(Named, Fitted)| fitted.gains_over(current).iter().sum::<f64>();
         first.into_iter().chain(other).max_by(|a, b| gain(a).total_cmp(&gain(b)))
@@ -169,7 +176,7 @@ impl Refit<'_> {
 
     /// A model with these laws, those of `current` and more, searched from there; none where no search ends in numbers.
     pub fn with_laws(&self, laws: &[Arc<dyn Law>], current: &Fitted) -> Option<Fitted> {
-        let trial = self.bench.fit_on_top(laws, &current.trial, (ITERATIONS, current.trial.cost));
+        let trial = self.bench.fit_on_top(laws, &current.trial, saving(current.trial.cost));
         let fitted = trial.and_then(|trial| Fitted::of(&self.bench, &self.contiguous, trial));
         let fitted = fitted.inspect_err(|error| tracing::debug!(%error, "a refit failed")).ok()?;
         let is_finite = fitted.left_out.iter().all(|cost| cost.is_finite());
@@ -207,9 +214,9 @@ impl Refit<'_> {
         // Blocks promise more than all of them together have: the search has not ended yet, unless it was given up.
         if let Ok(first) = &fitted
             && first.trial.cost <= above
-            && sum(first.gains_over(current)) > sum(first.own_gains_over(current)).max(0.0)
+            && sum(first.gains_over(current)) > (1.0 + ENOUGH_OF_SAVED) * sum(first.own_gains_over(current)).max(0.0)
         {
-            let again = self.bench.fit_on_top(&with, &first.trial, (ITERATIONS, above)).and_then(measured);
+            let again = self.bench.fit_on_top(&with, &first.trial, saving(above)).and_then(measured);
             let gain = |fitted: &Fitted| sum(fitted.gains_over(current));
             fitted = again.map(|again| if gain(&again) > gain(first) { again } else { first.clone() });
         }

@@ -46,6 +46,7 @@ use crate::calibrate::Calibration;
 use crate::calibrate::data::instants::of_known_age;
 use crate::recording::Recording;
 use crate::robot::{ChannelKind, RobotError};
+use filter::ProcessNoise;
 use free_run::FreeRun;
 use metrics::Errors;
 use solve::levenberg::Settings;
@@ -145,7 +146,7 @@ pub fn predict(
     let system = model.system_of(recording, &t_s);
 
     step("filtering");
-    let track = filter::run(&system, &columns);
+    let track = filter::run(&system, &columns, None);
     step("predicting windows");
     let windows = window::predict(&system, &columns, &track, &HORIZONS_S, Settings::default().threads);
     step("running free");
@@ -213,7 +214,7 @@ pub fn predict(
 }
 
 /// The windowed predictions of `recording` by `model` over those of [`HORIZONS_S`] that are no longer than `longest_s`, window by window, on so many
-/// threads.
+/// threads. They come with the process noise of the filter whose states they start from; it is no less than `least`.
 ///
 /// # Errors
 /// [`VerifyError`].
@@ -221,8 +222,9 @@ pub fn windows(
     model: &CalibratedModel,
     recording: &Recording,
     longest_s: f64,
+    least: Option<ProcessNoise>,
     threads: usize,
-) -> Result<Vec<Windows>, VerifyError> {
+) -> Result<(Vec<Windows>, ProcessNoise), VerifyError> {
     check(model, recording)?;
     let known = of_known_age(recording);
     let recording = known.as_ref();
@@ -230,9 +232,9 @@ pub fn windows(
     let duty = model.inputs_as_they_act(&recording.duty, &recording.segments());
     let columns = columns(recording, &t_s, &duty);
     let system = model.system_of(recording, &t_s);
-    let track = filter::run(&system, &columns);
+    let track = filter::run(&system, &columns, least);
     let count = HORIZONS_S.iter().take_while(|horizon_s| **horizon_s <= longest_s).count();
-    Ok(window::predict(&system, &columns, &track, &HORIZONS_S[..count], threads))
+    Ok((window::predict(&system, &columns, &track, &HORIZONS_S[..count], threads), track.noise))
 }
 
 fn columns<'a>(recording: &'a Recording, t_s: &'a [f64], duty: &'a [Vec<f64>]) -> Columns<'a> {

@@ -135,7 +135,7 @@ fn under_the_right_model_predictions_miss_by_the_sensors_noise() {
     let d = data(20_000, &[], 0.0);
     let system = Oscillator { omega: 12.0 };
     let columns = d.columns();
-    let track = filter::run(&system, &columns);
+    let track = filter::run(&system, &columns, None);
     assert_eq!(track.noise.velocity_sigma, 1e-6, "the least of the candidates");
     // Measured 1.00; readings are 40,000, so its own deviation is 0.007.
     assert!((0.97..1.03).contains(&track.mean_nis), "{}", track.mean_nis);
@@ -153,9 +153,15 @@ fn under_the_right_model_predictions_miss_by_the_sensors_noise() {
 #[test]
 fn the_noise_that_the_robot_has_is_the_noise_that_the_filter_takes() {
     let d = data(20_000, &[], 1e-3);
-    let track = filter::run(&Oscillator { omega: 12.0 }, &d.columns());
+    let track = filter::run(&Oscillator { omega: 12.0 }, &d.columns(), None);
     assert_eq!(track.noise.velocity_sigma, 1e-3);
     assert!((0.97..1.03).contains(&track.mean_nis), "{}", track.mean_nis);
+    // From what another model needed at least on.
+    for (least, taken) in [(1e-5, 1e-3), (1e-3, 1e-3), (1e-2, 1e-2), (1.0, 1e-1)] {
+        let least = Some(ProcessNoise { velocity_sigma: least });
+        let from_least = filter::run(&Oscillator { omega: 12.0 }, &d.columns(), least);
+        assert_eq!(from_least.noise.velocity_sigma, taken);
+    }
 }
 
 #[test]
@@ -181,7 +187,7 @@ fn a_wrong_model_is_seen_in_the_windows() {
     let d = data(20_000, &[], 0.0);
     let wrong = Oscillator { omega: 12.6 };
     let columns = d.columns();
-    let track = filter::run(&wrong, &columns);
+    let track = filter::run(&wrong, &columns, None);
     let windows = window::predict(&wrong, &columns, &track, &[0.1], 2);
     assert!(windows[0].sums[1].rmse() > 10.0 * SIGMA[1]);
 }

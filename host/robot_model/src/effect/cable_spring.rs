@@ -15,7 +15,7 @@ pub(super) const EFFECT: Effect = Effect {
     id: "cable_spring",
     row: Row::Link,
     title: "spring of cables or costume",
-    equation: "k_c q on the link's row",
+    equation: "k_c q + preload on the link's row",
     parameters: &[EffectParameter::size("k_c[i]", "N m/rad")
         .typically(0.04, 0.5, Scale::TorqueRmsPerRadian)
         .sizes("0.6, 1.6, 4.4 where k_s is 400 (0.5 to 5 met)")],

@@ -282,14 +282,14 @@ impl<'m> Dynamics<'m> {
                 out.xdot[layout.theta(i)] = x[layout.thetad(i)];
                 out.slopes[layout.theta(i) * columns + layout.thetad(i)] = 1.0;
                 let row = &mut out.slopes[layout.thetad(i) * columns..][..columns];
-                self.scatter(i, &action.motor.slope, &out.supply, row);
+                self.scatter(i, &action.motor.slope, &out.supply, |column, slope| row[column] += slope);
             } else {
                 rigid[i] = action.motor.slope;
             }
             for (state, rate) in self.model.laws.own_states(i).iter().zip(rates) {
                 out.xdot[*state] = rate.re;
                 let row = &mut out.slopes[state * columns..][..columns];
-                self.scatter(i, &rate.slope, &out.supply, row);
+                self.scatter(i, &rate.slope, &out.supply, |column, slope| row[column] += slope);
             }
         }
         let inertia = links.inertia(m, &torques.rigid_inertia);
@@ -320,7 +320,8 @@ impl<'m> Dynamics<'m> {
                     *t -= inertia * acceleration[link];
                 }
             }
-            self.scatter(i, &torque, &out.supply, &mut block[link * columns..(link + 1) * columns]);
+            let row = &mut block[link * columns..(link + 1) * columns];
+            self.scatter(i, &torque, &out.supply, |column, slope| row[column] += slope);
         }
         for &Passive { joint: i, stiffness, damping, coordinates: [k, d] } in &self.passive {
             let row = &mut block[i * columns..(i + 1) * columns];
@@ -370,31 +371,38 @@ impl<'m> Dynamics<'m> {
         }
     }
 
-    /// Adds the derivatives of joint i's law, by its lanes, to a row over state and coordinates.
-    pub(super) fn scatter<const N: usize>(&self, i: usize, gradient: &[f64; N], supply: &[f64], row: &mut [f64]) {
+    /// Gives the derivatives of joint i's law, by its lanes, to `add`, each with its column among state and coordinates.
+    #[inline(always)]
+    pub(super) fn scatter<const N: usize>(
+        &self,
+        i: usize,
+        gradient: &[f64; N],
+        supply: &[f64],
+        mut add: impl FnMut(usize, f64),
+    ) {
         let layout = &self.model.layout;
         let size = self.size();
         let places = [layout.q(i), layout.qd(i), layout.theta(i), layout.thetad(i)];
         for (place, slope) in places.into_iter().zip(gradient) {
-            row[place] += slope;
+            add(place, *slope);
         }
         for &(coefficient, coordinate, slope) in &self.slopes[i] {
-            row[size + coordinate] += gradient[COEFFICIENTS + coefficient] * slope;
+            add(size + coordinate, gradient[COEFFICIENTS + coefficient] * slope);
         }
         if N == BASE {
             return;
         }
         if self.model.laws.supply.is_some() {
-            for (to, by) in row.iter_mut().zip(supply) {
-                *to += gradient[VOLTS] * by;
+            for (column, by) in supply.iter().enumerate() {
+                add(column, gradient[VOLTS] * by);
             }
         }
         let OfJoint { parameters, states, .. } = self.model.laws.at(i);
         for (coordinate, slope) in parameters.iter().zip(&gradient[OWN..]) {
-            row[size + coordinate] += slope;
+            add(size + coordinate, *slope);
         }
         for (state, slope) in states.iter().zip(&gradient[OWN + parameters.len()..]) {
-            row[*state] += slope;
+            add(*state, *slope);
         }
     }
 

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::relaxation::Relaxation;
 use super::{Dynamics, Input, Linear};
+use solve::simd::compiled_for_this_machine;
 
 /// A one-step method.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -167,6 +168,21 @@ impl Stepper {
     }
 
     fn part_slopes(
+        &mut self,
+        dynamics: &Dynamics<'_>,
+        x: &[f64],
+        input: Input<'_>,
+        duration_s: f64,
+        out: &mut StepSlopes,
+    ) {
+        compiled_for_this_machine(
+            #[inline(always)]
+            || self.part_slopes_inlined(dynamics, x, input, duration_s, out),
+        );
+    }
+
+    #[inline(always)]
+    fn part_slopes_inlined(
         &mut self,
         dynamics: &Dynamics<'_>,
         x: &[f64],

@@ -11,7 +11,7 @@
 //! A method of one stage knows w at the begin only and holds it.
 
 /// Stages of a method at most.
-const MOST_STAGES: usize = 4;
+pub(super) const MOST_STAGES: usize = 4;
 
 /// One such state, and its step as far as the method's stages are taken.
 #[derive(Debug, Clone, Copy)]
@@ -22,9 +22,9 @@ pub(super) struct Relaxation {
     column: usize,
     time_constant_s: f64,
     /// e⁻ˣ, and by ln T.
-    carried: [f64; 2],
+    pub(super) carried: [f64; 2],
     /// b of every stage, and by ln T.
-    weights: [[f64; 2]; MOST_STAGES],
+    pub(super) weights: [[f64; 2]; MOST_STAGES],
     /// y after the step.
     pub(super) next: f64,
 }

@@ -17,7 +17,7 @@ mod inner;
 mod terms;
 
 use inner::{Inner, Relaxed};
-pub use terms::{Hopeless, Iteration, Seconds, Settings, Solution, Status};
+pub use terms::{Enough, Hopeless, Iteration, Seconds, Settings, Solution, Status};
 
 /// Damping from which on a small change of the cost is no sign of a minimum.
 const HEAVY_DAMPING: f64 = 1e-2;
@@ -269,7 +269,8 @@ pub fn minimise<P: LeastSquares>(
         iterations.push(iteration);
         // A heavily damped step and a part of one change little anywhere: they say nothing of the minimum. Nor does a step by an old factor,
         // unless it gains what it promises.
-        let little_changed = change < settings.relative_cost_change
+        let is_enough = settings.enough.is_some_and(|enough| enough.is_reached(before, cost));
+        let little_changed = (change < settings.relative_cost_change || is_enough)
             && accepted.whole
             && accepted.damping <= HEAVY_DAMPING
             && (!is_old || accepted.kept_its_promise());

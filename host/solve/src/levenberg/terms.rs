@@ -19,6 +19,8 @@ pub struct Settings {
     pub most_while_falling: usize,
     /// A search that costs more than this after so many iterations ends there, unless it falls so fast that it soon will not. Default none.
     pub hopeless: Option<Hopeless>,
+    /// A search whose steps save little beside what it has saved so far ends there. Default none.
+    pub enough: Option<Enough>,
     /// Most steps of the states alone in all, after steps that lead to more than they started from. Default none.
     pub inner_iterations: usize,
     /// Converged when an accepted step changes the cost by less than this share. Default 1e-9.
@@ -57,12 +59,29 @@ impl Hopeless {
     }
 }
 
+/// What a search has to save with each step to be worth going on with, where it is asked what it saves and not where it ends.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Enough {
+    /// Savings count from this ½ Σ r² on.
+    pub below: f64,
+    /// A step that saves less than this share of them is the last one.
+    pub share: f64,
+}
+
+impl Enough {
+    /// Whether a search ends here whose last step made `cost` of `before`.
+    pub(super) fn is_reached(&self, before: f64, cost: f64) -> bool {
+        before - cost < self.share * (self.below - cost)
+    }
+}
+
 impl Default for Settings {
     fn default() -> Self {
         Settings {
             max_iterations: 60,
             most_while_falling: 60,
             hopeless: None,
+            enough: None,
             inner_iterations: 0,
             relative_cost_change: 1e-9,
             initial_damping: 1e-4,

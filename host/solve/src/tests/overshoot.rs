@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
 use super::super::error::SolveError;
-use super::super::levenberg::{Hopeless, Settings, Status, minimise};
+use super::super::levenberg::{Enough, Hopeless, Settings, Status, minimise};
 use super::super::{LeastSquares, Shape, Stage, Step};
 
 /// Σ over stages of ½ (1 + ½ c p²)² + ½ p², and a state that is known: its curvature in p is 1 + c times that of the matrix JᵀJ.
@@ -94,6 +94,21 @@ fn a_search_that_costs_too_much_after_some_iterations_is_given_up() {
         let (all, status) = iterations(above);
         assert!((18..=26).contains(&all) && status == Status::Converged, "{all} iterations, {status:?}");
     }
+}
+
+#[test]
+fn a_search_ends_whose_steps_save_little_beside_what_it_has_saved() {
+    let problem = Bent { stages: 10, bend: 0.73 };
+    let iterations = |below| {
+        let settings = Settings { enough: Some(Enough { below, share: 0.01 }), ..Settings::default() };
+        minimise(&problem, (vec![0.5; 10], 1e6), &[], &settings, |_, _| {}).unwrap().iterations.len()
+    };
+    // Every step makes the cost a sixteenth at best: the second or third saves less than 1 % of all that was saved.
+    let first = iterations(1e25);
+    assert!((2..=5).contains(&first), "{first} iterations");
+    // Savings that count from near the end on are only made there.
+    let all = iterations(1.0);
+    assert!((18..=26).contains(&all), "{all} iterations");
 }
 
 /// A hundred states with ½ (x − 1)², then one for each of `BENDS` with ½ (1 + ½ c x²)² + ½ x², beside a shared unknown that is known.

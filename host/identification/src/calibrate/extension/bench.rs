@@ -25,7 +25,7 @@ use crate::model::law::Law;
 use crate::model::{Layout, Model};
 use crate::robot::Robot;
 use solve::border::Border;
-use solve::levenberg::{self, Hopeless, Settings};
+use solve::levenberg::{self, Enough, Hopeless, Settings};
 
 /// A point whose squares are this many times as many as rows is far off.
 const FAR: f64 = 2.0;
@@ -44,16 +44,32 @@ struct Effort {
     /// Most iterations.
     iterations: usize,
     hopeless: Option<Hopeless>,
+    enough: Option<Enough>,
 }
 
 impl Effort {
     fn of(iterations: usize) -> Self {
-        Effort { iterations, hopeless: None }
+        Effort { iterations, hopeless: None, enough: None }
     }
+}
 
-    /// The same that gives up where laws lead to more than they started from.
-    fn unless_above(self, cost: f64) -> Self {
-        Effort { hopeless: Some(Hopeless { after: HOPELESS, above: cost }), ..self }
+/// How long a search goes on of which it is asked what more laws save.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SavingEffort {
+    /// Most iterations.
+    pub iterations: usize,
+    /// ½ Σ r² above which it is given up, unless it falls fast.
+    pub above: f64,
+    /// A step that saves less than this share of all that is saved is the last one.
+    pub enough: f64,
+}
+
+impl SavingEffort {
+    /// Where savings count from `below` on.
+    fn from(self, below: f64) -> Effort {
+        let SavingEffort { iterations, above, enough } = self;
+        let hopeless = Some(Hopeless { after: HOPELESS, above });
+        Effort { iterations, hopeless, enough: Some(Enough { below, share: enough }) }
     }
 }
 
@@ -150,7 +166,7 @@ impl<'a> Bench<'a> {
         self.search(&from.laws, &Known { block_weights, ..from.known() }, Effort::of(iterations))
     }
 
-    /// [`Self::fit`] of laws on top of those of `from`, a trial on this bench. Gives up where they cost more than `above` and do not fall fast.
+    /// [`Self::fit`] of laws on top of those of `from`, a trial on this bench, until it is known what they save.
     ///
     /// # Errors
     /// A model that cannot be built or solved.
@@ -158,12 +174,12 @@ impl<'a> Bench<'a> {
         &self,
         laws: &[Arc<dyn Law>],
         from: &Trial,
-        (iterations, above): (usize, f64),
+        effort: SavingEffort,
     ) -> Result<Trial, CalibrateError> {
-        self.search(laws, &from.known(), Effort::of(iterations).unless_above(above))
+        self.search(laws, &from.known(), effort.from(from.cost))
     }
 
-    /// Fits the base model with `laws` from the values of one trial, and the states of another, both on this bench. Gives up as [`Self::fit_on_top`] does.
+    /// The same from the values of one trial, and the states of another, both on this bench.
     ///
     /// # Errors
     /// A model that cannot be built or solved.
@@ -171,12 +187,12 @@ impl<'a> Bench<'a> {
         &self,
         laws: &[Arc<dyn Law>],
         (values, states): (&Trial, &Trial),
-        iterations: usize,
+        effort: SavingEffort,
     ) -> Result<Trial, CalibrateError> {
         self.search(
             laws,
             &Known { states: &states.states, layout: &states.layout, laws: &states.laws, ..values.known() },
-            Effort::of(iterations).unless_above(values.cost),
+            effort.from(values.cost),
         )
     }
 
@@ -279,7 +295,7 @@ impl<'a> Bench<'a> {
         &self,
         laws: &[Arc<dyn Law>],
         from: &Known<'_>,
-        Effort { iterations, hopeless }: Effort,
+        Effort { iterations, hopeless, enough }: Effort,
     ) -> Result<Trial, CalibrateError> {
         let model = Model::extended(self.robot, laws.to_vec())?;
         let (mut problem, start, held) = self.at(&model, from);
@@ -292,6 +308,7 @@ impl<'a> Bench<'a> {
             max_iterations: iterations,
             most_while_falling: iterations,
             hopeless,
+            enough,
             inner_iterations: INNER_STAGES / self.series.stages().max(1),
             ..self.settings.clone()
         };

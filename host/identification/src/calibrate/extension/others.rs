@@ -28,7 +28,8 @@ impl Bench<'_> {
     }
 
     /// The model of a trial with what these samples have of their own: states, biases, mountings, and the parameters of which `is_own` says so by their names.
-    /// All else stays. States start where a similar model on the same samples has them, `near`, if there is one.
+    /// All else stays. States start where a better model on the same samples has them, `near`, if there is one; its biases and mountings are then taken
+    /// for these samples' own where they have no such parameter, and nothing is left to search.
     ///
     /// # Errors
     /// A model that cannot be built or solved.
@@ -44,12 +45,19 @@ impl Bench<'_> {
             Some(near) => Known { states: &near.states, layout: &near.layout, laws: &near.laws, ..known },
             None => known,
         };
+        if let Some(near) = near.filter(|_| !free_of(&model, is_own).contains(&true)) {
+            let Trial { rotations, biases, .. } = near.clone();
+            return Ok(Trial { rotations, biases, states: Vec::new(), block_weights: Vec::new(), ..trial.clone() });
+        }
         let (mut problem, mut start, mut held) = self.at(&model, &known);
-        held.extend(self.held_but(&model, &problem, is_own));
+        held.extend(held_but(&model, &problem, is_own));
         if near.is_none() {
             start = self.eased(&mut problem, &start, &held).unwrap_or(start);
         }
-        let point = levenberg::minimise(&problem, start, &held, &self.settings, |_, _| {})?.point;
+        let point = levenberg::minimise(&problem, start, &held, &self.settings, |i, iteration| {
+            tracing::trace!(i, cost = iteration.cost, trials = iteration.trials, "own");
+        })?
+        .point;
         let coordinates = model.coordinates();
         let values = coordinates.names().zip(coordinates.to_physical(&point.z)).map(|((name, _), estimate)| {
             let known = trial.value(name).cloned();
@@ -72,19 +80,26 @@ impl Bench<'_> {
             ..trial.clone()
         })
     }
+}
 
-    /// Directions of the border that hold all coordinates of the dynamics but those on which a result depends that is these samples' own.
-    fn held_but(&self, model: &Model, problem: &Problem<'_>, is_own: &dyn Fn(&str) -> bool) -> Vec<Vec<f64>> {
-        let (coordinates, size) = (model.coordinates(), problem.border().size());
-        let z = vec![1.0; coordinates.len()];
-        let mut free = vec![false; coordinates.len()];
-        for (i, _) in coordinates.names().enumerate().filter(|(_, (name, _))| is_own(name)) {
-            let (_, slopes) = coordinates.physical_and_slopes(&z, i);
-            slopes.iter().for_each(|(own, _)| free[*own] = true);
-        }
-        let held = (0..coordinates.len()).filter(|own| !free[*own]);
-        held.map(|own| (0..size).map(|i| f64::from(i == own)).collect()).collect()
+/// Of every coordinate of the dynamics, whether a result depends on it that is these samples' own.
+fn free_of(model: &Model, is_own: &dyn Fn(&str) -> bool) -> Vec<bool> {
+    let coordinates = model.coordinates();
+    let z = vec![1.0; coordinates.len()];
+    let mut free = vec![false; coordinates.len()];
+    for (i, _) in coordinates.names().enumerate().filter(|(_, (name, _))| is_own(name)) {
+        let (_, slopes) = coordinates.physical_and_slopes(&z, i);
+        slopes.iter().for_each(|(own, _)| free[*own] = true);
     }
+    free
+}
+
+/// Directions of the border that hold all coordinates of the dynamics but those on which a result depends that is these samples' own.
+fn held_but(model: &Model, problem: &Problem<'_>, is_own: &dyn Fn(&str) -> bool) -> Vec<Vec<f64>> {
+    let size = problem.border().size();
+    let free = free_of(model, is_own);
+    let held = (0..free.len()).filter(|own| !free[*own]);
+    held.map(|own| (0..size).map(|i| f64::from(i == own)).collect()).collect()
 }
 
 #[cfg(test)]
@@ -113,5 +128,9 @@ mod tests {
         // rtol 1e-6: where it starts is no matter.
         let again = others.with_own(&off, Some(&trial), &|name| name == "k_s[2]").unwrap();
         assert!((value(&again, "k_s[2]") / value(&found, "k_s[2]") - 1.0).abs() < 1e-6);
+        // Without a parameter of its own it has the biases of the better model, to the bit.
+        let known = others.with_own(&off, Some(&trial), &|_| false).unwrap();
+        assert_eq!((&known.biases, &known.rotations), (&trial.biases, &trial.rotations));
+        assert_eq!(value(&known, "k_s[2]"), value(&off, "k_s[2]"));
     }
 }

@@ -86,7 +86,8 @@ impl<'m> Problem<'m> {
             || rows.gyros.iter().any(|r| r.offset_s != 0.0)
             || own_instants;
         let sensor_laws = SensorLaws::of(model, border.gyros);
-        let walks_sensors = late || sensor_laws.see_any();
+        let walks_sensors =
+            late || sensor_laws.see_any() || (0..border.gyros).any(|gyro| model.lagging(gyro).is_some());
         let fast = Fast::of(model);
         let mut problem = Problem {
             model,

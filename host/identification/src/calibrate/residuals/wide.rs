@@ -7,7 +7,7 @@ use super::problem::Problem;
 use super::row_plan::GyroRow;
 use super::stage_quads::StageQuads;
 use super::triple::{Triple, Value, apply, by_rotation, by_rows, cross, dot, splat};
-use crate::model::fast::{Fast, GyroQuads, JOINTS, RateSource, Samples, WITH_PAIR, WITH_PAIRS};
+use crate::model::fast::{Fast, GyroQuads, JOINTS, RateSource, Samples, SlopesBy, WITH_PAIR, WITH_PAIRS};
 use solve::simd::{LANES, Simd, Work, vectorised};
 use solve::{BATCH, Stage};
 
@@ -137,7 +137,7 @@ impl<const L: usize> Batch<'_, '_, L> {
             *linked = problem.linked(*first + lane);
         }
         let StageQuads { x, after, u, time_s, duration_s, step, .. } = &mut **scratch;
-        let (integrator, model) = (problem.assumptions.integrator, (*fast, &point.dynamics));
+        let (integrator, model) = ((problem.assumptions.integrator, SlopesBy::All), (*fast, &point.dynamics));
         match sink {
             Sink::Stages(batch) => {
                 step.step::<S, L, true>(integrator, model, (samples, x), (u, time_s), duration_s);

@@ -21,6 +21,7 @@ use crate::effect::{Effect, Role};
 use crate::model::Model;
 use crate::recording::Recording;
 use crate::robot::{ChannelKind, Robot};
+use crate::verify::filter::ProcessNoise;
 use crate::verify::{CalibratedModel, VerifyError, Windows, windows};
 
 /// Blocks of the other motion: a block is as long as the longest horizon that counts at least, s.
@@ -35,6 +36,8 @@ pub const SHOWN_S: f64 = 0.5;
 pub struct Predicted {
     /// Of each recording, by horizon.
     windows: Vec<Vec<Windows>>,
+    /// Of each recording, the process noise under which the model makes it most likely.
+    noise: Vec<ProcessNoise>,
     /// The model with what is each recording's own.
     own: Vec<Trial>,
 }
@@ -87,13 +90,18 @@ impl<'a> Holdout<'a> {
                 None => name.starts_with("zero"),
             }
         };
-        let mut predicted = Predicted { windows: Vec::new(), own: Vec::new() };
+        let mut predicted = Predicted { windows: Vec::new(), noise: Vec::new(), own: Vec::new() };
         for (number, (recording, series)) in self.recordings.iter().zip(&self.series).enumerate() {
-            let near = near.map(|near| &near.own[number]);
-            let own = bench.of_others(series.clone()).with_own(trial, near, &is_own)?;
+            let near_own = near.map(|near| &near.own[number]);
+            let own = bench.of_others(series.clone()).with_own(trial, near_own, &is_own)?;
             let model = CalibratedModel::of_trial(bench.robot(), bench.preset(), &own)?;
+            // A model that lacks something of another one has no less to account for.
+            let least = near.map(|near| near.noise[number]);
             let longest_s = if near.is_some() { LONGEST_S } else { f64::INFINITY };
-            predicted.windows.push(windows(&model, recording, longest_s, bench.settings.threads)?);
+            let (windows, noise) = windows(&model, recording, longest_s, least, bench.settings.threads)?;
+            tracing::trace!(noise.velocity_sigma, "filter of the other motion");
+            predicted.windows.push(windows);
+            predicted.noise.push(noise);
             predicted.own.push(own);
         }
         Ok(predicted)

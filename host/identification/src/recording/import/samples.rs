@@ -58,7 +58,13 @@ pub(super) fn recording(
 fn leave_out_undriven(rows: &Rows, ticks: &rate::Ticks, notes: &mut Vec<String>) {
     let count = rows.off.iter().filter(|off| **off).count();
     if count > 0 {
-        let seconds = count as f64 * ticks.period_s;
+        // Each until the next row, since rows may come unevenly.
+        let until_next = |k: usize| {
+            let next = rows.t_us.get(k + 1)?;
+            Some(next.saturating_sub(rows.t_us[k]) as f64 * 1e-6)
+        };
+        let off = (0..rows.len()).filter(|k| rows.off[*k]);
+        let seconds: f64 = off.map(|k| until_next(k).unwrap_or(ticks.period_s)).sum();
         notes.push(format!(
             "{count} rows ({seconds:.2} s) with the drives off are left out: an open circuit has no back-EMF, \
              which no voltage says (with unit = \"ampere\" or \"newton_metre\" they are used)"

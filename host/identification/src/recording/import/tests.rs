@@ -397,6 +397,12 @@ fn rows_with_the_drives_off_are_used_or_left_out() {
     let Imported { recording, notes, ignored } = parse(&duty).unwrap();
     assert!(notes[0].contains("20 rows (0.02 s) with the drives off are left out") && ignored.is_empty(), "{notes:?}");
     assert_eq!((recording.len(), recording.missing_ticks(), recording.gaps()), (80, 20, 1));
+    // Half as many rows stand for as long a time where they come half as often.
+    let is_kept = |(k, line): &(usize, &str)| (!(40..60).contains(k) || k % 2 == 0).then_some(format!("{line}\n"));
+    let sparse: String = rows.lines().enumerate().filter_map(|row| is_kept(&row)).collect();
+    let duty_robot = Robot::parse(&duty).unwrap();
+    let read = super::parse(format!("{HEADER},on\n{sparse}").as_bytes(), &duty_robot, Path::new("x"), None).unwrap();
+    assert!(read.notes[0].contains("10 rows (0.02 s)"), "{:?}", read.notes);
     // A torque is zero there.
     let torque = duty.replace("supply_v", "# supply_v").replace("unit = \"duty\"", "unit = \"newton_metre\"");
     let has_no_volts = |line: &&str| !line.starts_with("k_pwm") && !line.starts_with("k_mi");

@@ -1,11 +1,11 @@
 //! Steps of four states of a calibrated robot by the model's fast kernel.
 
 use super::super::system::Four;
-use crate::model::fast::{Fast, JOINTS, Samples, StepQuads, WITH_PAIR, WITH_PAIRS};
+use crate::model::fast::{Fast, JOINTS, Samples, SlopesBy, StepQuads, WITH_PAIR, WITH_PAIRS};
 use crate::model::{Dynamics, Integrator};
 use solve::simd::{Simd, Work, vectorised};
 
-/// One step of four states, in the scratch space of `step`; with derivatives where `WITH_SLOPES`.
+/// One step of four states, in the scratch space of `step`; with derivatives by the state where `WITH_SLOPES`.
 pub(super) fn step<const WITH_SLOPES: bool>(
     (fast, dynamics, integrator): (&Fast, &Dynamics<'_>, Integrator),
     four: &Four,
@@ -35,7 +35,13 @@ impl<const L: usize, const WITH_SLOPES: bool> Work for Stepping<'_, '_, L, WITH_
         let Stepping { fast, dynamics, integrator, four, step } = self;
         let Four { x, u, time_s, dt_s } = four;
         let samples = Samples::<S, L>::new(simd, fast, x);
-        step.step::<S, L, WITH_SLOPES>(integrator, (fast, dynamics), (&samples, &x[..]), (u, time_s), dt_s);
+        step.step::<S, L, WITH_SLOPES>(
+            (integrator, SlopesBy::State),
+            (fast, dynamics),
+            (&samples, &x[..]),
+            (u, time_s),
+            dt_s,
+        );
     }
 }
 

@@ -77,14 +77,16 @@ impl Track {
     }
 }
 
-/// Runs the filter with the process noise of [`CANDIDATES`] that makes the readings most likely.
+/// Runs the filter with the process noise of [`CANDIDATES`] that makes the readings most likely, of those that are no less than `least`.
 ///
 /// Candidates are tried from the least on, four at a time, until they get less likely.
-pub fn run<S: System>(system: &S, columns: &Columns<'_>) -> Track {
+pub fn run<S: System>(system: &S, columns: &Columns<'_>, least: Option<ProcessNoise>) -> Track {
     let mut best: Option<Track> = None;
     // A filter that ran away (NaN) is the least likely of all.
     let rank = |track: &Track| if track.log_likelihood.is_nan() { f64::NEG_INFINITY } else { track.log_likelihood };
-    for candidates in CANDIDATES.chunks(LANES) {
+    let too_small = |sigma: &&f64| least.is_some_and(|least| **sigma < least.velocity_sigma);
+    let first = CANDIDATES.iter().take_while(too_small).count().min(CANDIDATES.len() - 1);
+    for candidates in CANDIDATES[first..].chunks(LANES) {
         let last = candidates[candidates.len() - 1];
         best = best
             .into_iter()

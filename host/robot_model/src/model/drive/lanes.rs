@@ -27,3 +27,14 @@ pub(in crate::model) const SOME_VARIABLES: usize = SOME - OWN;
 pub(in crate::model) trait Drives<const N: usize, const V: usize> {
     fn drive(&self, i: usize, x: &[f64], input: &Input<'_>, volts: f64, rates: &mut [Lanes<N>; V]) -> Action<Lanes<N>>;
 }
+
+/// A result of a drive.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(in crate::model) enum Output {
+    /// The torque on the link.
+    Torque,
+    /// What stands beside it in an [`Action`].
+    Motor,
+    /// The rate of one of the laws' own states at the joint, by its number there.
+    Rate(usize),
+}

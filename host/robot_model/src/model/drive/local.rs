@@ -1,6 +1,6 @@
 //! The derivatives of one drive with its laws by its local variables, see [`lanes`](super::lanes).
 
-use super::lanes::{BASE, COEFFICIENTS, Drives, FEW_VARIABLES, MOST_VARIABLES, OWN, SOME_VARIABLES, VOLTS};
+use super::lanes::{BASE, COEFFICIENTS, Drives, FEW_VARIABLES, MOST_VARIABLES, OWN, Output, SOME_VARIABLES, VOLTS};
 use super::{Action, Coefficients, JointLaws, Sides};
 use crate::model::Input;
 use crate::model::dynamics::Dynamics;
@@ -78,36 +78,43 @@ impl Dynamics<'_> {
         drive.with_laws(transmission, c, &sides, volts, &laws, rates)
     }
 
-    /// The same without own states. `rows` is given what adds the derivatives of the link's torque and of the motor's acceleration to a row over state
-    /// and coordinates; `supply` has those of the supply voltage.
-    pub(in crate::model) fn act_with_rows(
+    /// The same with derivatives: `take` is given every result, its value, and what adds its derivatives, each with its column among state and
+    /// coordinates. `supply` has those of the supply voltage.
+    pub(in crate::model) fn act_with_slopes(
         &self,
         i: usize,
         (x, input, volts): (&[f64], &Input<'_>, f64),
         supply: &[f64],
-        rows: impl FnOnce(&dyn Fn(&mut [f64]), &dyn Fn(&mut [f64])),
+        take: impl FnMut(Output, f64, &dyn Fn(&mut dyn FnMut(usize, f64))),
     ) -> Action<f64> {
         match self.model.laws.most_variables() {
-            0..=FEW_VARIABLES => self.rows_by::<FEW, FEW_VARIABLES>(i, (x, input, volts), supply, rows),
-            n if n <= SOME_VARIABLES => self.rows_by::<SOME, SOME_VARIABLES>(i, (x, input, volts), supply, rows),
-            _ => self.rows_by::<MANY, MOST_VARIABLES>(i, (x, input, volts), supply, rows),
+            0..=FEW_VARIABLES => self.act_by::<FEW, FEW_VARIABLES>(i, (x, input, volts), supply, take),
+            n if n <= SOME_VARIABLES => self.act_by::<SOME, SOME_VARIABLES>(i, (x, input, volts), supply, take),
+            _ => self.act_by::<MANY, MOST_VARIABLES>(i, (x, input, volts), supply, take),
         }
     }
 
-    fn rows_by<const N: usize, const V: usize>(
+    fn act_by<const N: usize, const V: usize>(
         &self,
         i: usize,
         (x, input, volts): (&[f64], &Input<'_>, f64),
         supply: &[f64],
-        rows: impl FnOnce(&dyn Fn(&mut [f64]), &dyn Fn(&mut [f64])),
+        mut take: impl FnMut(Output, f64, &dyn Fn(&mut dyn FnMut(usize, f64))),
     ) -> Action<f64>
     where
         Self: Drives<N, V>,
     {
-        let action = Drives::<N, V>::drive(self, i, x, input, volts, &mut [Lanes::from(0.0); V]);
-        let of = |slope: [f64; N]| move |row: &mut [f64]| self.scatter(i, &slope, supply, row);
-        rows(&of(action.link_torque.slope), &of(action.motor.slope));
-        Action { link_torque: action.link_torque.re, motor: action.motor.re }
+        let mut rates = [Lanes::from(0.0); V];
+        let Action { link_torque, motor } = Drives::<N, V>::drive(self, i, x, input, volts, &mut rates);
+        let mut give = |result, value: &Lanes<N>| {
+            take(result, value.re, &|add| self.scatter(i, &value.slope, supply, add));
+        };
+        give(Output::Torque, &link_torque);
+        give(Output::Motor, &motor);
+        for (state, rate) in rates[..self.model.laws.own_states(i).len()].iter().enumerate() {
+            give(Output::Rate(state), rate);
+        }
+        Action { link_torque: link_torque.re, motor: motor.re }
     }
 
     /// Sides and coefficients as variables of their lanes.

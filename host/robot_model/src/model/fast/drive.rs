@@ -159,7 +159,7 @@ impl<S: Simd, const L: usize> Accelerations<S, L> {
         for passive in &dynamics.passive {
             let (simd, j) = (samples.simd, passive.joint);
             let (spring, damper) = (self.inverse[i][j] * passive.stiffness, self.inverse[i][j] * passive.damping);
-            let (size, [k, d]) = (2 * (L + JOINTS), passive.coordinates);
+            let (size, [k, d]) = (dynamics.size(), passive.coordinates);
             let by_coordinates = [(size + k, spring * samples.q[j]), (size + d, damper * samples.qd[j])];
             for (column, by) in [(j, spring), (L + j, damper)].into_iter().chain(by_coordinates) {
                 let to = &mut row[column].0;
@@ -168,22 +168,24 @@ impl<S: Simd, const L: usize> Accelerations<S, L> {
         }
     }
 
-    /// As [`slopes`](Self::slopes), with the drives' own derivatives in `rows`: twice as many as drives of `columns` quads, of the torques and of θ̈.
+    /// As [`slopes`](Self::slopes), of the first columns that are `wanted`, with the drives' own derivatives in `rows`: rows of `columns` quads, of the torques, of θ̈ and of the
+    /// laws' own states.
     #[inline(always)]
     pub(super) fn slopes_by(
         &self,
         (fast, dynamics): (&Fast, &Dynamics<'_>),
         samples: &Samples<S, L>,
         rows: &[Quad],
-        columns: usize,
+        (columns, wanted): (usize, usize),
         out: &mut [Quad],
     ) {
         let (simd, first) = (samples.simd, fast.first::<L>());
         let by_position = samples.bodies.torque_by_position(&fast.links, &self.qdd);
-        let (torques, motors) = rows.split_at(JOINTS * columns);
+        let (torques, rest) = rows.split_at(JOINTS * columns);
+        let (motors, rates) = rest.split_at(JOINTS * columns);
         for i in 0..L {
             let row = &mut out[(L + i) * columns..(L + i + 1) * columns];
-            for (c, to) in row.iter_mut().enumerate() {
+            for (c, to) in row.iter_mut().enumerate().take(wanted) {
                 let mut sum = Wide::splat(simd, 0.0);
                 for j in 0..JOINTS {
                     sum = self.inverse[i][first + j].mul_add(Wide::load(simd, &torques[j * columns + c].0), sum);
@@ -201,6 +203,9 @@ impl<S: Simd, const L: usize> Accelerations<S, L> {
         }
         let first = 2 * L + JOINTS;
         out[first * columns..(first + JOINTS) * columns].copy_from_slice(motors);
+        for (state, rate) in fast.own.iter().zip(rates.chunks_exact(columns)) {
+            out[state * columns..(state + 1) * columns].copy_from_slice(rate);
+        }
     }
 
     /// `[∂f/∂x | ∂f/∂z]` of the rows q̈ and θ̈ into a matrix of `columns` quads a row; the other rows stay as they are.
@@ -214,12 +219,12 @@ impl<S: Simd, const L: usize> Accelerations<S, L> {
         out: &mut [Quad],
     ) {
         let (simd, first) = (samples.simd, fast.first::<L>());
-        let (theta, size) = (2 * L, 2 * (L + JOINTS));
+        let (theta, size) = (2 * L, dynamics.size());
         let thetad = theta + JOINTS;
         let by_position = samples.bodies.torque_by_position(&fast.links, &self.qdd);
         for i in 0..L {
             let row = &mut out[(L + i) * columns..(L + i + 1) * columns];
-            row[size..].fill(Quad::default());
+            row[thetad + JOINTS..].fill(Quad::default());
             if L > JOINTS {
                 row[L..2 * L].fill(Quad::default());
             }

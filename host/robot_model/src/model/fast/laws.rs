@@ -1,9 +1,10 @@
 //! The drives of four samples with laws of effects, asked one sample and one joint at a time by the generic walk's own code; what they say is
 //! put into lanes.
 
-use super::{Dynamics, JOINTS};
+use super::{Dynamics, Fast, JOINTS};
 use crate::model::Input;
 use crate::model::drive::Action;
+use crate::model::drive::lanes::{MOST_VARIABLES, Output};
 use solve::simd::{LANES, Quad};
 
 /// What the drives do, and the space to work it out: one a thread.
@@ -12,11 +13,12 @@ pub(super) struct Drives {
     /// Torques on the links and accelerations of the motors, a quad a joint.
     pub torque: [Quad; JOINTS],
     pub thetadd: [Quad; JOINTS],
-    /// Their derivatives by state and coordinates: rows of the torques, then of the accelerations.
+    /// Rates of the laws' own states.
+    pub rates: Vec<Quad>,
+    /// Derivatives by state and coordinates: rows of the torques, then of the accelerations, then of the rates.
     pub rows: Vec<Quad>,
     x: Vec<f64>,
     u: Vec<f64>,
-    row: Vec<f64>,
     supply: Vec<f64>,
 }
 
@@ -24,14 +26,16 @@ impl Drives {
     /// At the states `x` (a quad a component) under the inputs `u`, at these times.
     pub(super) fn act(
         &mut self,
-        dynamics: &Dynamics<'_>,
+        (fast, dynamics): (&Fast, &Dynamics<'_>),
         x: &[Quad],
         (u, time_s): (&[Quad], &Quad),
         with_slopes: bool,
     ) {
         let columns = dynamics.columns();
+        self.rates.resize(fast.own.len(), Quad::default());
         if with_slopes {
-            self.rows.resize(2 * JOINTS * columns, Quad::default());
+            self.rows.clear();
+            self.rows.resize((2 * JOINTS + fast.own.len()) * columns, Quad::default());
         }
         for lane in 0..LANES {
             self.x.clear();
@@ -46,27 +50,35 @@ impl Drives {
                     dynamics.supply_slopes(&self.x, &input, &supply, &mut self.supply);
                 }
             }
+            let mut first = 2 * JOINTS;
             for i in 0..JOINTS {
+                let own = dynamics.model.laws.own_states(i).len();
+                let rates = &mut self.rates[first - 2 * JOINTS..][..own];
                 let plain = if with_slopes {
-                    let (torques, motors) = self.rows.split_at_mut(JOINTS * columns);
-                    let row = &mut self.row;
-                    let mut put = |to: &mut [Quad], fill: &dyn Fn(&mut [f64])| {
-                        row.clear();
-                        row.resize(columns, 0.0);
-                        fill(row);
-                        for (to, slope) in to[i * columns..(i + 1) * columns].iter_mut().zip(&*row) {
-                            to.0[lane] = *slope;
-                        }
-                    };
-                    dynamics.act_with_rows(i, (&self.x, &input, volts), &self.supply, |of_link, of_motor| {
-                        put(torques, of_link);
-                        put(motors, of_motor);
+                    let rows = &mut self.rows;
+                    dynamics.act_with_slopes(i, (&self.x, &input, volts), &self.supply, |result, value, scatter| {
+                        let row = match result {
+                            Output::Torque => i,
+                            Output::Motor => JOINTS + i,
+                            Output::Rate(state) => {
+                                rates[state].0[lane] = value;
+                                first + state
+                            }
+                        };
+                        let row = &mut rows[row * columns..(row + 1) * columns];
+                        scatter(&mut |column, slope| row[column].0[lane] += slope);
                     })
                 } else {
-                    dynamics.act(i, &self.x, &input, volts, &mut [])
+                    let mut plain = [0.0; MOST_VARIABLES];
+                    let action = dynamics.act(i, &self.x, &input, volts, &mut plain);
+                    for (rate, plain) in rates.iter_mut().zip(plain) {
+                        rate.0[lane] = plain;
+                    }
+                    action
                 };
                 let Action { link_torque, motor } = plain;
                 (self.torque[i].0[lane], self.thetadd[i].0[lane]) = (link_torque, motor);
+                first += own;
             }
         }
     }

@@ -5,12 +5,13 @@
 //! fill the lanes of a vector, so that nothing is lost to short loops.
 //!
 //! What it covers: [`JOINTS`] revolute elastic joints, with a pair of passive ones before or behind them or both, no Coriolis terms, no constant
-//! torque and no unknown inertia; of effects' laws those that change a drive and have no state of their own. Everything else takes the generic walk.
+//! torque and no unknown inertia; of effects' laws those that change a drive, with at most [`MOST_OWN`] states of their own, and gyros that lag.
+//! Everything else takes the generic walk.
 //! A step is made in one part: where friction is so steep that it wants [more](super::Integrator::most_parts), the caller has to take the generic walk too.
 //! Kernels are compiled by the number L of links; joint i of the robot moves link `first` + i. A state is
 //!
 //! ```text
-//! | q: L links | q̇: L | θ: JOINTS motors | θ̇: JOINTS |
+//! | q: L links | q̇: L | θ: JOINTS motors | θ̇: JOINTS | own states of laws |
 //! ```
 //!
 //! ```text
@@ -21,18 +22,21 @@ mod bodies;
 mod drive;
 mod elementary;
 mod gyro;
+mod lags;
 mod laws;
+mod own;
 mod step;
 #[cfg(test)]
 mod tests;
 mod vector;
 
 pub use gyro::{GyroQuads, RateSource};
-pub use step::StepQuads;
+pub use step::{SlopesBy, StepQuads};
 
 use super::{Dynamics, Model};
 use crate::robot::{JointKind, Transmission};
 use bodies::{Bodies, Links};
+use lags::MOST_LAGS;
 use solve::simd::{Quad, Simd, Wide};
 
 /// Robots of this many joints are covered, …
@@ -41,6 +45,8 @@ pub const JOINTS: usize = 3;
 pub const WITH_PAIR: usize = JOINTS + 2;
 /// … or with both.
 pub const WITH_PAIRS: usize = JOINTS + 4;
+/// Most own states of laws of the drives.
+pub const MOST_OWN: usize = 9;
 
 /// The constants of a model that the fast kernel covers.
 #[derive(Debug, Clone)]
@@ -52,6 +58,8 @@ pub struct Fast {
     has_laws: bool,
     /// A law of the supply couples all motors.
     is_coupled: bool,
+    /// Components of the state that laws of the drives bring.
+    own: Vec<usize>,
 }
 
 impl Fast {
@@ -62,10 +70,12 @@ impl Fast {
         let revolute = chain.frames().all(|link| link.kind == JointKind::Revolute);
         let layout = model.layout();
         let sized = layout.joints() == JOINTS && matches!(chain.joints(), JOINTS | WITH_PAIR | WITH_PAIRS);
-        let own = layout.own().is_empty() && layout.inputs().is_empty() && model.input_delay().is_none();
-        let covered = elastic && revolute && sized && own && !chain.has_coriolis() && model.is_plain();
+        let own: Vec<usize> = (0..layout.joints()).flat_map(|joint| model.laws.own_states(joint)).copied().collect();
+        let inputs = layout.inputs().is_empty() && model.input_delay().is_none();
+        let states = own.len() <= MOST_OWN && model.laws.lags.len() <= MOST_LAGS;
+        let covered = elastic && revolute && sized && inputs && states && !chain.has_coriolis() && model.is_plain();
         let (has_laws, is_coupled) = (model.laws.at_drives(), model.laws.supply.is_some());
-        covered.then(|| Fast { links: Links::of(chain), first: layout.q(0), has_laws, is_coupled })
+        covered.then(|| Fast { links: Links::of(chain), first: layout.q(0), has_laws, is_coupled, own })
     }
 
     /// Number of links: [`JOINTS`], [`WITH_PAIR`] or [`WITH_PAIRS`].

@@ -1,7 +1,9 @@
 //! One step of four samples, with its derivatives by state and coordinates.
 
 use super::drive::Accelerations;
+use super::lags::Lags;
 use super::laws::Drives;
+use super::own::{OwnColumn, add_own};
 use super::{Dynamics, Fast, JOINTS, Samples};
 use crate::model::Integrator;
 use solve::simd::{Quad, Simd, Wide};
@@ -11,15 +13,25 @@ use solve::simd::{Quad, Simd, Wide};
 pub struct StepQuads {
     /// The states after the step, one quad a component.
     pub next: Vec<Quad>,
-    /// Their derivatives, size × (size + coordinates) by rows.
+    /// Their derivatives, size × (size + coordinates) by rows; those by coordinates are what they were where they are not asked for.
     pub slopes: Vec<Quad>,
     drives: Drives,
+    lags: Lags,
     x: Vec<Quad>,
     k: Vec<Quad>,
     /// f's derivatives at every inner stage, each as large as `slopes`; only the rows of the accelerations are made.
     f: Vec<Quad>,
     /// A one among zeros: a window of it is a column of the unit matrix.
     unit: Vec<Quad>,
+}
+
+/// What derivatives are asked for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum SlopesBy {
+    /// By the state alone.
+    State,
+    /// By the state and the coordinates.
+    All,
 }
 
 #[inline(always)]
@@ -32,7 +44,7 @@ impl StepQuads {
     #[inline(always)]
     pub fn step<S: Simd, const L: usize, const WITH_SLOPES: bool>(
         &mut self,
-        integrator: Integrator,
+        (integrator, by): (Integrator, SlopesBy),
         (fast, dynamics): (&Fast, &Dynamics<'_>),
         (samples, x): (&Samples<S, L>, &[Quad]),
         (u, time_s): (&[Quad], &Quad),
@@ -40,7 +52,8 @@ impl StepQuads {
     ) {
         let simd = samples.simd;
         let model = (fast, dynamics);
-        let (size, columns) = (2 * (L + JOINTS), dynamics.columns());
+        let (size, columns) = (dynamics.size(), dynamics.columns());
+        let wanted = if by == SlopesBy::State { size } else { columns };
         self.next.clear();
         self.next.extend_from_slice(x);
         let inner = integrator.stages();
@@ -51,6 +64,7 @@ impl StepQuads {
         }
         self.k.resize(size, Quad::default());
         let h = Wide::load(simd, &duration_s.0);
+        self.lags.begin(dynamics, x, duration_s, inner.len());
         for (stage, &(along, weight)) in inner.iter().enumerate() {
             let (step, scale) = (h * along, h * weight);
             let moved;
@@ -67,7 +81,7 @@ impl StepQuads {
             };
             let a = if fast.has_laws {
                 let x = if stage == 0 { x } else { &self.x };
-                self.drives.act(dynamics, x, (u, time_s), WITH_SLOPES);
+                self.drives.act(model, x, (u, time_s), WITH_SLOPES);
                 Accelerations::by(model, samples, &self.drives.torque, &self.drives.thetadd)
             } else {
                 Accelerations::of(model, samples, u)
@@ -80,38 +94,52 @@ impl StepQuads {
                 self.k[2 * L + i] = Quad(samples.thetad[i].to_array());
                 self.k[2 * L + JOINTS + i] = Quad(a.thetadd[i].to_array());
             }
+            for (state, rate) in fast.own.iter().zip(&self.drives.rates) {
+                self.k[*state] = *rate;
+            }
             for (next, k) in self.next.iter_mut().zip(&self.k) {
                 next.0 = scale.mul_add(Wide::load(simd, &k.0), Wide::load(simd, &next.0)).to_array();
             }
             if WITH_SLOPES {
                 let f = &mut self.f[stage * all..(stage + 1) * all];
                 match fast.has_laws {
-                    true => a.slopes_by(model, samples, &self.drives.rows, columns, f),
+                    true => a.slopes_by(model, samples, &self.drives.rows, (columns, wanted), f),
                     false => a.slopes(model, samples, u, columns, f),
                 }
+                self.lags.take(model, samples, stage, Some((f, columns)));
+            } else {
+                self.lags.take(model, samples, stage, None);
             }
         }
+        self.lags.put(&mut self.next);
         if !WITH_SLOPES {
             return;
         }
         if inner.len() == 1 {
-            return self.single_slopes::<S, L>(simd, columns, h * inner[0].1);
+            return self.single_slopes::<S, L>(simd, model, h * inner[0].1, wanted);
         }
         self.unit.resize(3 * size, Quad::default());
         self.unit[size] = Quad([1.0; 4]);
         for c in 0..size {
-            self.column::<S, L, true>(simd, (columns, c), inner, h, fast);
+            self.column::<S, L, true>(simd, (size, columns, c), inner, h, fast);
         }
-        for c in size..columns {
-            self.column::<S, L, false>(simd, (columns, c), inner, h, fast);
+        for c in size..wanted {
+            self.column::<S, L, false>(simd, (size, columns, c), inner, h, fast);
         }
     }
 
     /// 1 + h ∂f of a method with one stage.
     #[inline(always)]
-    fn single_slopes<S: Simd, const L: usize>(&mut self, simd: S, columns: usize, scale: Wide<S>) {
+    fn single_slopes<S: Simd, const L: usize>(
+        &mut self,
+        simd: S,
+        (fast, dynamics): (&Fast, &Dynamics<'_>),
+        scale: Wide<S>,
+        wanted: usize,
+    ) {
+        let (size, columns) = (dynamics.size(), dynamics.columns());
         self.slopes.fill(Quad::default());
-        for i in 0..2 * (L + JOINTS) {
+        for i in 0..size {
             self.slopes[i * columns + i] = Quad([1.0; 4]);
         }
         for i in 0..L + JOINTS {
@@ -119,10 +147,19 @@ impl StepQuads {
             // The derivative of a position is its speed.
             let to = &mut self.slopes[row * columns + speed].0;
             *to = (Wide::load(simd, to) + scale).to_array();
-            let from = &self.f[speed * columns..(speed + 1) * columns];
-            for (to, from) in self.slopes[speed * columns..(speed + 1) * columns].iter_mut().zip(from) {
+        }
+        let speeds = (L..2 * L).chain(2 * L + JOINTS..2 * (L + JOINTS));
+        for row in speeds.chain(fast.own.iter().copied()) {
+            let from = &self.f[row * columns..(row + 1) * columns];
+            for (to, from) in self.slopes[row * columns..(row + 1) * columns].iter_mut().zip(from) {
                 to.0 = scale.mul_add(Wide::load(simd, &from.0), Wide::load(simd, &to.0)).to_array();
             }
+        }
+        self.unit.resize(3 * size, Quad::default());
+        self.unit[size] = Quad([1.0; 4]);
+        for c in 0..wanted {
+            let unit = if c < size { &self.unit[size - c..2 * size - c] } else { &self.unit[2 * size..] };
+            self.lags.begin_column::<S, L>(simd, (&self.f, columns, c), unit, &mut self.slopes[c..]);
         }
     }
 
@@ -133,12 +170,12 @@ impl StepQuads {
     fn column<S: Simd, const L: usize, const BY_STATE: bool>(
         &mut self,
         simd: S,
-        (columns, c): (usize, usize),
+        (size, columns, c): (usize, usize, usize),
         inner: &[(f64, f64)],
         h: Wide<S>,
         fast: &Fast,
     ) {
-        let (size, first) = (2 * (L + JOINTS), fast.first::<L>());
+        let first = fast.first::<L>();
         let (theta, thetad) = (2 * L, 2 * L + JOINTS);
         let unit = if BY_STATE { &self.unit[size - c..2 * size - c] } else { &self.unit[2 * size..] };
         // Derivatives of the accelerations and of the speeds before them, at the last stage and of the step.
@@ -153,10 +190,14 @@ impl StepQuads {
                 scale,
             ),
         );
-        for (f, &(along, weight)) in self.f.chunks_exact(size * columns).zip(inner).skip(1) {
+        let at = (&self.f[..], columns, c);
+        let mut own = OwnColumn::begin(simd, fast, at, unit, scale);
+        self.lags.begin_column::<S, L>(simd, at, unit, &mut self.slopes[c..]);
+        for (stage, (f, &(along, weight))) in self.f.chunks_exact(size * columns).zip(inner).enumerate().skip(1) {
             let (step, scale) = (h * along, h * weight);
             let (q, qd) = links.moved(simd, (unit, &unit[L..]), step);
             let (theta_moved, thetad_moved) = motors.moved(simd, (&unit[theta..], &unit[thetad..]), step);
+            let own_moved = own.moved(simd, fast, unit, step);
             for i in 0..L {
                 let row = &f[(L + i) * columns..][..columns];
                 let mut sum = Wide::splat(simd, 0.0);
@@ -166,7 +207,8 @@ impl StepQuads {
                 sum = add_products(simd, row, &q, sum);
                 sum = add_products(simd, &row[L..], &qd, sum);
                 sum = add_products(simd, &row[theta..], &theta_moved, sum);
-                links.fast[i] = add_products(simd, &row[thetad..], &thetad_moved, sum);
+                sum = add_products(simd, &row[thetad..], &thetad_moved, sum);
+                links.fast[i] = add_own(simd, fast, row, &own_moved, sum);
             }
             for i in 0..JOINTS {
                 let row = &f[(thetad + i) * columns..][..columns];
@@ -186,13 +228,27 @@ impl StepQuads {
                         sum = load(simd, &row[thetad + j]).mul_add(thetad_moved[j], sum);
                     }
                 }
-                motors.fast[i] = sum;
+                motors.fast[i] = add_own(simd, fast, row, &own_moved, sum);
             }
+            for (i, state) in fast.own.iter().enumerate() {
+                let row = &f[state * columns..][..columns];
+                let mut sum = Wide::splat(simd, 0.0);
+                if !BY_STATE {
+                    sum = load(simd, &row[c]);
+                }
+                sum = add_products(simd, row, &q, sum);
+                sum = add_products(simd, &row[L..], &qd, sum);
+                sum = add_products(simd, &row[theta..], &theta_moved, sum);
+                sum = add_products(simd, &row[thetad..], &thetad_moved, sum);
+                own.take(i, add_own(simd, fast, row, &own_moved, sum), scale);
+            }
+            self.lags.take_column(simd, (f, columns), (&q, &qd), stage, &mut self.slopes[c..]);
             links.take(qd, scale);
             motors.take(thetad_moved, scale);
         }
         links.put(&mut self.slopes[c..], columns);
         motors.put(&mut self.slopes[theta * columns + c..], columns);
+        own.put(fast, &mut self.slopes[c..], columns);
     }
 }
 

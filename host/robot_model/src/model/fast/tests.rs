@@ -2,7 +2,7 @@
 
 use rand::{RngExt, SeedableRng, rngs::StdRng};
 
-use super::{Fast, GyroQuads, JOINTS, RateSource, Samples, StepQuads, WITH_PAIR, WITH_PAIRS};
+use super::{Fast, GyroQuads, JOINTS, RateSource, Samples, SlopesBy, StepQuads, WITH_PAIR, WITH_PAIRS};
 use crate::effect::Effect;
 use crate::model::{Dynamics, Integrator, Model, SensorFrame, StepSlopes, Stepper};
 use crate::robot::Robot;
@@ -26,7 +26,8 @@ fn robots() -> [Robot; 4] {
     [doggy, &apart, &loaded[0], &loaded[1]].map(|text| Robot::parse(text).unwrap())
 }
 
-/// Robots alone, and on passive joints: before them, behind them, both, and beside laws of the drives and of the supply.
+/// Robots alone, and on passive joints: before them, behind them, both; beside laws of the drives and of the supply, with states of their own and without, and with
+/// gyros that lag.
 fn models() -> Vec<(String, Model)> {
     let effects = [
         vec![],
@@ -35,6 +36,10 @@ fn models() -> Vec<(String, Model)> {
         vec!["base_bearing", "structure_mode"],
         vec!["base_bearing", "asymmetric_friction"],
         vec!["voltage_sag", "structure_mode"],
+        vec!["belt_hysteresis"],
+        vec!["belt_hysteresis", "voltage_sag", "base_bearing"],
+        vec!["belt_hysteresis", "electrical_lag", "gyro_lag"],
+        vec!["gyro_lag", "structure_mode"],
     ];
     let mut models = Vec::new();
     for (i, robot) in robots().iter().enumerate() {
@@ -72,7 +77,7 @@ impl Run<'_> {
         let mut step = StepQuads::default();
         let model = (self.fast, self.dynamics);
         step.step::<S, L, true>(
-            self.integrator,
+            (self.integrator, SlopesBy::All),
             model,
             (&samples, self.x),
             (self.u, &TIMES_S),

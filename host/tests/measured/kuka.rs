@@ -1,11 +1,8 @@
 //! KUKA KR300, axes 1 to 3 of an industrial robot, measured: how stiff its gears are, and why they look several times too soft
 //! (host/doc/kuka_kr300.md).
 
-mod measured;
-mod program;
-
-use measured::{machine, parameter, within};
-use program::{host, json};
+use crate::files::{machine, parameter, within};
+use crate::program::{host, json};
 use serde_json::Value;
 
 const TRAJECTORIES: [&str; 3] = ["traj_A_id", "traj_B_val", "traj_C_val"];

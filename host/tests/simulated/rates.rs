@@ -1,12 +1,10 @@
 //! Tables of other loops than the firmware's: from 100 Hz to 8 kHz, with uneven stamps, inputs in volts, amperes and newton metres.
 
-mod program;
-
 use std::fmt::Write as _;
 
+use crate::program::{host, json};
 use host::robot::{Robot, Side};
 use host::simulate::{Plant, Truth};
-use program::{host, json};
 use rand::{RngExt, SeedableRng, rngs::StdRng};
 use rand_distr::{Distribution, StandardNormal};
 

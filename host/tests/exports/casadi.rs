@@ -1,18 +1,16 @@
 //! The C of `host export --c` in an optimal control problem of CasADi: a calibrated model leads the simulated robot along a path better than a guess does.
 //! Needs Python with the package `casadi`; `PYTHON` names another interpreter.
 
-mod program;
-
 use std::path::Path;
 use std::process::Command;
 
+use crate::program::{host, json};
 use host::simulate::{Drawn, Options};
-use program::{host, json};
 
 /// By which factor, at least, the calibrated model tracks better than the description's start values.
 const FACTOR: f64 = 10.0;
 const ROBOT: &str = "seed=4";
-const TRACK: &str = include_str!("casadi/track.py");
+const TRACK: &str = include_str!("track.py");
 
 fn python() -> Option<Command> {
     let command = || Command::new(std::env::var_os("PYTHON").unwrap_or_else(|| "python3".into()));

@@ -1,13 +1,9 @@
 //! Stories of `host watch`: the binary against a scripted device and against simulated robots.
 
-#[path = "../src/link/tests/peer.rs"]
-#[allow(dead_code, reason = "the link's own tests use the rest of it")]
-mod peer;
-
 use std::io::{BufRead, BufReader, Read};
 use std::process::{Child, Command as Process, Stdio};
 
-use peer::{Doggy, Peer};
+use crate::peer::{Doggy, Peer};
 use protocol::{Command, ToDevice};
 use serde_json::Value;
 

@@ -1,17 +1,15 @@
 //! `host export` as a user meets it: the worked example of host/doc/model.md, exit codes, files that exist.
 
-mod program;
-
 use std::path::Path;
 use std::process::Command;
 
-use program::{host, json};
+use crate::program::{host, json};
 use serde_json::Value;
 
 /// The document's blocks in a language.
 fn blocks(language: &str) -> impl Iterator<Item = &'static str> {
     let fence = format!("```{language}\n");
-    let blocks: Vec<_> = include_str!("../doc/model.md").split(&fence).skip(1).collect();
+    let blocks: Vec<_> = include_str!("../../doc/model.md").split(&fence).skip(1).collect();
     blocks.into_iter().filter_map(|rest| rest.split("```").next())
 }
 

@@ -79,7 +79,7 @@ fn a_bad_table_leaves_no_file_behind() {
 #[test]
 fn a_robot_file_with_a_typo_is_refused_with_its_line() {
     let folder = folder_with_table();
-    let shown = include_str!("../robot_model/src/robot/builtin/one_joint.toml").replacen(
+    let shown = include_str!("../../robot_model/src/robot/builtin/one_joint.toml").replacen(
         "sample_period_s",
         "sample_perod_s",
         1,

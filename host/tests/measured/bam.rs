@@ -1,10 +1,7 @@
 //! A pendulum on a hobby servo, measured: its parameters from four recordings, and what the diagnosis says of them (host/doc/bam.md).
 
-mod measured;
-mod program;
-
-use measured::{machine, parameter, within};
-use program::{host, json};
+use crate::files::{machine, parameter, within};
+use crate::program::{host, json};
 use serde_json::Value;
 
 /// The motions that identify; those with a gain of 200 and 800 are for the comparison.

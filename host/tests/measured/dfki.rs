@@ -1,10 +1,7 @@
 //! Pendulums on quasi-direct drives, measured: numbers of the slow motion, and what does not fit (host/doc/dfki.md).
 
-mod measured;
-mod program;
-
-use measured::{machine, within};
-use program::{host, json};
+use crate::files::{machine, within};
+use crate::program::{host, json};
 use serde_json::Value;
 
 /// The calibration of a table by a description that comes with the program.
@@ -18,7 +15,7 @@ fn calibrated(robot: &str, folder: &str, table: &str) -> Option<Value> {
 }
 
 fn estimate(calibration: &Value, name: &str) -> (f64, f64) {
-    let found = measured::parameter(&calibration["parameters"], name);
+    let found = crate::files::parameter(&calibration["parameters"], name);
     (found["estimate"].as_f64().unwrap(), found["std_error"].as_f64().unwrap())
 }
 

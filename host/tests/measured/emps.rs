@@ -1,10 +1,7 @@
 //! EMPS, a published benchmark: a carriage on a ball screw, measured. The program's figures beside the published ones (host/doc/emps.md).
 
-mod measured;
-mod program;
-
-use measured::{machine, parameter, within};
-use program::{host, json};
+use crate::files::{machine, parameter, within};
+use crate::program::{host, json};
 
 #[test]
 fn published_figures_come_out_with_and_without_direction_dependent_friction() {

@@ -1,13 +1,11 @@
 //! `host observe` as a user meets it: the commands of host/doc/observer.md, their files, refusals.
 
-mod program;
-
+use crate::program::{host, json};
 use host::observe::Numbers;
-use program::{host, json};
 
 /// The commands of the document, without the program's name.
 fn commands() -> Vec<Vec<String>> {
-    let document = include_str!("../doc/observer.md");
+    let document = include_str!("../../doc/observer.md");
     let block = document.split("```sh\n").nth(1).and_then(|rest| rest.split("```").next()).unwrap();
     block.lines().map(|line| line.split_whitespace().skip(1).map(str::to_owned).collect()).collect()
 }

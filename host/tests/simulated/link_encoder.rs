@@ -1,13 +1,11 @@
 //! Two encoders at an elastic gear: one that counts from elsewhere, tells too much and reads late, on a link whose body is not known. The stiffness
 //! is the plant's all the same, once the cause is in the model.
 
-mod program;
-
 use std::fmt::Write as _;
 
+use crate::program::{host, json};
 use host::robot::{Robot, Side};
 use host::simulate::{Plant, Truth};
-use program::{host, json};
 use rand::{RngExt, SeedableRng, rngs::StdRng};
 use rand_distr::{Distribution, StandardNormal};
 use serde_json::Value;

@@ -1,18 +1,12 @@
 //! Stories of `host robot push`: the binary against simulated robots that keep their flash, and against a scripted device.
 
-#[path = "../src/link/tests/peer.rs"]
-#[allow(dead_code, reason = "the link's own tests use the rest of it")]
-mod peer;
-#[allow(dead_code, reason = "other tests read results, too")]
-mod program;
-
 use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::{Child, Command as Process, Stdio};
 
+use crate::peer::{Doggy, Peer};
+use crate::program::host;
 use host::robot::Robot;
-use peer::{Doggy, Peer};
-use program::host;
 use protocol::description::Descriptions;
 use protocol::{Command, ToDevice};
 use serde_json::Value;

@@ -1,17 +1,15 @@
 //! `host export --fmu` in another tool: FMPy validates the archive and plays it with a recording's inputs, beside the model's own right-hand side.
 //! Needs Python with the package `fmpy`; `PYTHON` names another interpreter.
 
-mod program;
-
 use std::path::Path;
 use std::process::Command;
 
+use crate::program::{host, json};
 use host::calibrate::Calibration;
 use host::export::Exported;
 use host::model::{Input, Stepper};
 use host::recording::{self, Recording};
 use host::verify::system::System;
-use program::{host, json};
 
 /// Largest difference from the model, in shares of the largest value of a variable.
 const RTOL: f64 = 1e-9;
@@ -21,7 +19,7 @@ const SOLVER_RTOL: &str = "1e-14";
 /// Parts of a sample by which our own right-hand side is integrated beside the solver; half of them give the same within a tenth of [`RTOL`].
 const PARTS: usize = 64;
 
-const PLAY: &str = include_str!("fmu/play.py");
+const PLAY: &str = include_str!("play.py");
 
 fn python() -> Option<Command> {
     let command = || Command::new(std::env::var_os("PYTHON").unwrap_or_else(|| "python3".into()));

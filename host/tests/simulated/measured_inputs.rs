@@ -1,11 +1,9 @@
 //! Robots whose torque is a measurement: a pendulum under a position controller, read by one encoder.
 
-mod program;
-
 use std::fmt::Write as _;
 use std::path::Path;
 
-use program::{host, json};
+use crate::program::{host, json};
 use rand::{SeedableRng, rngs::StdRng};
 use rand_distr::{Distribution, StandardNormal};
 use serde_json::Value;
