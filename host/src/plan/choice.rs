@@ -2,8 +2,10 @@
 //! the points of a design.
 //!
 //! ```text
+//!   start      the choice of the round before
 //!   fill       take the block that gains most for each second, while one fits and gains
-//!   exchange   leave out one block, fill anew; keep what is better; until nothing is
+//!   exchange   leave out one block, fill anew; take in one, leave out what is missed least until it fits, fill anew;
+//!              keep what is better; until nothing is
 //! ```
 //!
 //! What blocks tell adds up: see [`information`](crate::calibrate::information).
@@ -173,73 +175,102 @@ const MOST_REPEATS: usize = 4;
 /// Less gain than this is none.
 const LEAST_GAIN: f64 = 1e-4;
 
-/// Improves `from` by exchange until nothing does, or `go_on` says no.
-pub fn exchange(
-    candidates: &[Candidate],
-    yardstick: &Yardstick,
-    budget: &Budget,
-    from: &[usize],
-    go_on: &dyn Fn() -> bool,
-) -> Choice {
-    let mut best = fill(candidates, yardstick, budget, from.to_vec());
-    loop {
-        let mut improved = false;
-        let mut place = 0;
-        while place < best.blocks.len() && go_on() {
-            let mut rest = best.blocks.clone();
-            let left = rest.remove(place);
-            let other = fill_without(candidates, yardstick, budget, rest, Some(left));
-            if other.score < best.score - LEAST_GAIN {
-                best = other;
-                improved = true;
-            } else {
-                place += 1;
-            }
-        }
-        if !improved || !go_on() {
-            return best;
-        }
-    }
+/// What a choice is made of and under.
+#[derive(Clone, Copy)]
+pub struct Selection<'a> {
+    /// Blocks that there are.
+    pub candidates: &'a [Candidate],
+    /// What choices are judged by.
+    pub yardstick: &'a Yardstick,
+    /// What a motion may take.
+    pub budget: &'a Budget,
 }
 
-fn fill(candidates: &[Candidate], yardstick: &Yardstick, budget: &Budget, chosen: Vec<usize>) -> Choice {
-    fill_without(candidates, yardstick, budget, chosen, None)
-}
-
-/// Adds what gains most for its time until nothing fits; `without` is not added first.
-fn fill_without(
-    candidates: &[Candidate],
-    yardstick: &Yardstick,
-    budget: &Budget,
-    mut chosen: Vec<usize>,
-    without: Option<usize>,
-) -> Choice {
-    let mut sums = yardstick.known.clone();
-    for &block in &chosen {
-        sums.iter_mut().zip(&candidates[block].information).for_each(|(sum, more)| sum.add(more, 1.0));
-    }
-    let mut score = yardstick.score(&sums);
-    let mut barred = without;
-    loop {
-        let mut best: Option<(f64, f64, usize)> = None;
-        for (place, candidate) in candidates.iter().enumerate() {
-            let repeats = chosen.iter().filter(|block| **block == place).count();
-            if Some(place) == barred || repeats >= MOST_REPEATS || !fits(candidates, budget, &chosen, candidate) {
-                continue;
+impl Selection<'_> {
+    /// Improves `from` by exchange until nothing does, or `go_on` says no.
+    pub fn exchange(self, from: &[usize], go_on: &dyn Fn() -> bool) -> Choice {
+        let mut best = self.fill(from.to_vec(), None);
+        loop {
+            let before = best.score;
+            let mut place = 0;
+            while place < best.blocks.len() && go_on() {
+                let mut rest = best.blocks.clone();
+                let left = rest.remove(place);
+                let other = self.fill(rest, Some(left));
+                if other.score < best.score - LEAST_GAIN {
+                    best = other;
+                } else {
+                    place += 1;
+                }
             }
-            sums.iter_mut().zip(&candidate.information).for_each(|(sum, more)| sum.add(more, 1.0));
-            let with = yardstick.score(&sums);
-            sums.iter_mut().zip(&candidate.information).for_each(|(sum, more)| sum.add(more, -1.0));
-            let gain = (score - with) / candidate.duration_s.max(0.1);
-            if with < score - LEAST_GAIN && best.is_none_or(|(most, _, _)| gain > most) {
-                best = Some((gain, with, place));
+            for taken in 0..self.candidates.len() {
+                if !go_on() {
+                    break;
+                }
+                let Some(with) = self.with(&best.blocks, taken) else { continue };
+                let other = self.fill(with, None);
+                if other.score < best.score - LEAST_GAIN {
+                    best = other;
+                }
+            }
+            if best.score >= before || !go_on() {
+                return best;
             }
         }
-        let Some((_, with, place)) = best else { return Choice { blocks: chosen, score } };
-        chosen.push(place);
-        sums.iter_mut().zip(&candidates[place].information).for_each(|(sum, more)| sum.add(more, 1.0));
-        score = with;
-        barred = None;
+    }
+
+    /// These blocks and one more, without those that are missed least until it fits; none where it does not fit alone.
+    fn with(self, blocks: &[usize], taken: usize) -> Option<Vec<usize>> {
+        let mut chosen = blocks.to_vec();
+        while !fits(self.candidates, self.budget, &chosen, &self.candidates[taken]) {
+            let mut least: Option<(f64, usize)> = None;
+            for place in 0..chosen.len() {
+                let mut sums = self.yardstick.known.clone();
+                let rest = chosen.iter().enumerate().filter(|(other, _)| *other != place).map(|(_, block)| *block);
+                for block in rest.chain([taken]) {
+                    sums.iter_mut().zip(&self.candidates[block].information).for_each(|(sum, more)| sum.add(more, 1.0));
+                }
+                let score = self.yardstick.score(&sums);
+                if least.is_none_or(|(least, _)| score < least) {
+                    least = Some((score, place));
+                }
+            }
+            chosen.remove(least?.1);
+        }
+        chosen.push(taken);
+        Some(chosen)
+    }
+
+    /// Adds what gains most for its time until nothing fits; `without` is not added first.
+    fn fill(self, mut chosen: Vec<usize>, without: Option<usize>) -> Choice {
+        let Self { candidates, yardstick, budget } = self;
+        let mut sums = yardstick.known.clone();
+        for &block in &chosen {
+            sums.iter_mut().zip(&candidates[block].information).for_each(|(sum, more)| sum.add(more, 1.0));
+        }
+        let mut score = yardstick.score(&sums);
+        let mut barred = without;
+        loop {
+            let mut best: Option<(f64, f64, usize)> = None;
+            for (place, candidate) in candidates.iter().enumerate() {
+                let repeats = chosen.iter().filter(|block| **block == place).count();
+                if Some(place) == barred || repeats >= MOST_REPEATS || !fits(candidates, budget, &chosen, candidate) {
+                    continue;
+                }
+                sums.iter_mut().zip(&candidate.information).for_each(|(sum, more)| sum.add(more, 1.0));
+                let with = yardstick.score(&sums);
+                sums.iter_mut().zip(&candidate.information).for_each(|(sum, more)| sum.add(more, -1.0));
+                let gain = (score - with) / candidate.duration_s.max(0.1);
+                if with < score - LEAST_GAIN && best.is_none_or(|(most, _, _)| gain > most) {
+                    best = Some((gain, with, place));
+                }
+            }
+            let Some((_, with, place)) = best else { return Choice { blocks: chosen, score } };
+            chosen.push(place);
+            sums.iter_mut().zip(&candidates[place].information).for_each(|(sum, more)| sum.add(more, 1.0));
+            score = with;
+            barred = None;
+        }
     }
 }
 

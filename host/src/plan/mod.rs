@@ -27,7 +27,7 @@ use rand_chacha::ChaCha8Rng;
 pub use block::Block;
 use block::REST_OF_BLOCK_S;
 pub use choice::Criterion;
-use choice::{Budget, Candidate, Choice, Goal, Merit, Yardstick, exchange};
+use choice::{Budget, Candidate, Choice, Goal, Merit, Selection, Yardstick};
 pub use draws::Belief;
 pub use error::PlanError;
 pub use result::{ExpectedError, JointDemand, Plan};
@@ -94,7 +94,7 @@ const WATCH: f64 = 0.8;
 const TRAVEL: f64 = 0.95;
 /// No block is shorter, s: a move, and the way home.
 const SHORTEST_S: f64 = 2.0;
-/// Motions that are made and tried whole until one keeps all limits.
+/// Motions of a round that are made and tried whole until one keeps all limits.
 const ATTEMPTS: usize = 12;
 
 /// What is going on, for whoever watches.
@@ -127,6 +127,8 @@ struct Tried {
     motion: Motion,
     blocks: Vec<Block>,
     trials: Vec<Trial>,
+    /// Against the preset's: see [`Yardstick::score`].
+    score: f64,
 }
 
 /// The motion that a plan ends with.
@@ -185,24 +187,36 @@ pub fn plan(
     fresh.extend((0..DRAWN[0]).map(|_| Block::draw(joints, &mut rng)));
     let mut choice = Choice { blocks: Vec::new(), score: f64::INFINITY };
     let mut complete = true;
+    let mut planned: Option<Tried> = None;
     for round in 0..=settings.rounds {
-        let ratio = choice.score.is_finite().then(|| choice.score.exp());
-        progress(Progress { stage: if round == 0 { "first blocks" } else { "further blocks" }, error_ratio: ratio });
-        if !go_on() || !pool.add(&bench, fresh, go_on)? {
-            complete = false;
+        let error_ratio = planned.as_ref().map(|tried| tried.score.exp());
+        progress(Progress { stage: if round == 0 { "first blocks" } else { "further blocks" }, error_ratio });
+        // A first choice is made of what there is.
+        let had_time = go_on() && pool.add(&bench, fresh, go_on)?;
+        complete &= had_time;
+        if !had_time && planned.is_some() {
             break;
         }
-        choice = exchange(&pool.candidates, &yardstick, &budget, &choice.blocks, go_on);
+        let selection = Selection { candidates: &pool.candidates, yardstick: &yardstick, budget: &budget };
+        choice = selection.exchange(&choice.blocks, go_on);
+        tracing::debug!(
+            round,
+            candidates = pool.candidates.len(),
+            blocks = choice.blocks.len(),
+            sum_of_blocks = choice.score.exp(),
+            "exchange"
+        );
+        bench.make(&mut pool, &yardstick, &mut budget, &mut choice, length_s, &mut planned)?;
+        if !had_time {
+            break;
+        }
         fresh = pool.like(&choice, joints, &mut rng);
     }
-    progress(Progress { stage: "whole motion", error_ratio: choice.score.is_finite().then(|| choice.score.exp()) });
-    let planned = bench.make(&mut pool, &yardstick, &mut budget, choice, length_s)?;
     let preset_fits = settings.length_s.is_none_or(|length_s| preset_s <= length_s)
         && settings
             .duty_rms
             .is_none_or(|rms| judges.iter().all(|t| most_duty(&t.conduct) <= rms * rms * t.conduct.duration_s));
-    let planned = planned
-        .filter(|tried| !preset_fits || bench.score(&yardstick, &tried.trials) < bench.score(&yardstick, judges));
+    let planned = planned.filter(|tried| !preset_fits || tried.score < bench.score(&yardstick, judges));
     match &planned {
         Some(tried) => result::plan(&bench, &yardstick, tried.seen(false), (pool.tried, complete)),
         None if preset_fits => result::plan(&bench, &yardstick, bench.preset_seen(), (pool.tried, complete)),
@@ -299,18 +313,21 @@ impl<'a> Bench<'a> {
         }
     }
 
-    /// The whole motion of a choice, tried on all robots. Blocks that do not hold in it are left out, and the choice is made anew; none if none holds.
+    /// Makes and tries the whole motion of a choice, and takes it for `best` where it is better and holds on all robots. Blocks that do not hold in it are
+    /// left out, and the choice is made anew.
     fn make(
         &self,
         pool: &mut Pool,
         yardstick: &Yardstick,
         budget: &mut Budget,
-        mut choice: Choice,
+        choice: &mut Choice,
         length_s: f64,
-    ) -> Result<Option<Tried>, PlanError> {
+        best: &mut Option<Tried>,
+    ) -> Result<(), PlanError> {
+        let least = best.as_ref().map_or(f64::INFINITY, |best| best.score);
         for _ in 0..ATTEMPTS {
             if choice.blocks.is_empty() {
-                return Ok(None);
+                return Ok(());
             }
             let blocks: Vec<&Block> = choice.blocks.iter().map(|&place| &pool.blocks[place]).collect();
             let (motion, owners) = block::motion("planned", &blocks, &self.limits, false);
@@ -321,31 +338,42 @@ impl<'a> Bench<'a> {
                 Ok(tried.into_iter().flatten().flatten().collect())
             };
             let mut trials = whole(&self.robots[..ROBOTS], Some(&self.weights[..]))?;
+            let mean_s = trials.iter().map(|trial| trial.conduct.duration_s).sum::<f64>() / ROBOTS as f64;
+            let score = self.score(yardstick, &trials);
+            let holds_on =
+                |trials: &[Trial]| trials.iter().enumerate().all(|(robot, trial)| self.holds(robot, &trial.conduct));
+            let mut holds = holds_on(&trials);
+            tracing::debug!(blocks = blocks.len(), error_ratio = score.exp(), mean_s, holds, "whole motion");
+            if holds && mean_s <= length_s && score >= least {
+                return Ok(());
+            }
             trials.extend(whole(&self.robots[ROBOTS..], None)?);
-            let segments = trials.iter().enumerate().filter_map(|(robot, trial)| self.breaks(robot, &trial.conduct));
-            let mut left_out: Vec<usize> =
-                segments.filter_map(|segment| Some(choice.blocks[owners.get(segment).copied()??])).collect();
-            left_out.sort_unstable();
-            left_out.dedup();
-            let judged = &trials[..ROBOTS];
-            let mean_s = judged.iter().map(|trial| trial.conduct.duration_s).sum::<f64>() / ROBOTS as f64;
-            let holds = trials.iter().enumerate().all(|(robot, trial)| self.holds(robot, &trial.conduct));
+            holds = holds_on(&trials);
             if holds && mean_s <= length_s {
                 let blocks = blocks.into_iter().cloned().collect();
-                return Ok(Some(Tried { motion, blocks, trials }));
+                *best = Some(Tried { motion, blocks, trials, score });
+                return Ok(());
             }
             if holds {
                 budget.duration_s -= mean_s - length_s + 0.01;
                 // The choice is cut down to the budget: the last ones were added last.
                 choice.blocks.pop();
+            } else {
+                let segments =
+                    trials.iter().enumerate().filter_map(|(robot, trial)| self.breaks(robot, &trial.conduct));
+                let mut left_out: Vec<usize> =
+                    segments.filter_map(|segment| Some(choice.blocks[owners.get(segment).copied()??])).collect();
+                left_out.sort_unstable();
+                left_out.dedup();
+                if left_out.is_empty() {
+                    return Ok(());
+                }
+                pool.leave_out(&left_out, choice);
             }
-            if !holds && left_out.is_empty() {
-                return Ok(None);
-            }
-            pool.leave_out(&left_out, &mut choice);
-            choice = exchange(&pool.candidates, yardstick, budget, &choice.blocks, &|| true);
+            let selection = Selection { candidates: &pool.candidates, yardstick, budget };
+            *choice = selection.exchange(&choice.blocks, &|| true);
         }
-        Ok(None)
+        Ok(())
     }
 
     /// The preset as a plan.
