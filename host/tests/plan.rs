@@ -4,8 +4,8 @@
 mod program;
 
 use std::path::Path;
+use std::process::Command;
 
-use assert_cmd::Command;
 use program::{host, json};
 use protocol::Motion;
 use serde_json::Value;

@@ -1,9 +1,8 @@
 //! The command line as other programs see it: exit codes, and which stream carries what.
 
 use std::os::unix::process::CommandExt;
+use std::process::Command;
 use std::time::{Duration, Instant};
-
-use assert_cmd::Command;
 
 fn host() -> Command {
     Command::new(env!("CARGO_BIN_EXE_host"))
@@ -36,7 +35,7 @@ fn ctrl_c_leaves_no_half_made_file() {
         files.map(|file| file.unwrap().file_name().into_string().unwrap()).collect()
     };
     // In a group of its own, which a terminal would interrupt as a whole.
-    let mut host = std::process::Command::new(env!("CARGO_BIN_EXE_host"));
+    let mut host = Command::new(env!("CARGO_BIN_EXE_host"));
     let mut child = host.args(["--quiet", "demo", "--out"]).arg(folder.path()).process_group(0).spawn().unwrap();
     let until = Instant::now() + Duration::from_secs(120);
     while !files().iter().any(|file| file.ends_with(".part")) {
@@ -44,7 +43,7 @@ fn ctrl_c_leaves_no_half_made_file() {
         std::thread::sleep(Duration::from_millis(5));
     }
     let group = format!("-{}", child.id());
-    assert!(std::process::Command::new("kill").args(["-INT", "--", &group]).status().unwrap().success());
+    assert!(Command::new("kill").args(["-INT", "--", &group]).status().unwrap().success());
     assert_eq!(child.wait().unwrap().code(), Some(130));
     assert!(files().iter().all(|file| !file.ends_with(".part") && !file.ends_with(".json")), "{:?}", files());
 }

@@ -1,11 +1,10 @@
 //! `host verify` as a user runs it: its refusals, and the whole way from a table to the page.
 
 use std::path::Path;
-
-use assert_cmd::Command;
+use std::process::Command;
 
 fn host(folder: &Path) -> Command {
-    let mut command = Command::cargo_bin("host").unwrap();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_host"));
     command.current_dir(folder);
     command
 }

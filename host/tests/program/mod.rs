@@ -1,8 +1,8 @@
 //! The binary run as a process, and its results read as other programs read them.
 
 use std::path::Path;
+use std::process::Command;
 
-use assert_cmd::Command;
 use serde_json::Value;
 
 /// What `host` says in `folder` to these arguments; it ends with `code`.
