@@ -30,7 +30,7 @@ COUNT_RAD = 2 * np.pi / 65536
 LENGTH_S = 16.0
 # Of the recorded torque, N m.
 TORQUE_SIGMA = 2e-3
-# Coulomb friction is tanh(v / this): the robot file says the same slope.
+# Coulomb friction is tanh(v / this); the slope of a robot file is twice that of the argument.
 SMOOTH_RAD_S = 5e-3
 
 # Joints: axis, origin in the body before, mass, centre, inertias about the centre (diagonal), armature, friction, viscous, centre of the sines, amplitude.
@@ -144,7 +144,7 @@ def simulate(joints, effect, what, rng):
     wanted = reference(joints, rng)
     ticks, substeps = int(LENGTH_S / TICK_S), int(TICK_S / STEP_S)
     rows = []
-    delayed = [np.zeros(n)] * (1 + what.get("ticks", 0))
+    delayed = [np.zeros(n)] * what.get("ticks", 0)
     load = np.zeros(n)
     for tick in range(ticks):
         t = tick * TICK_S
@@ -215,7 +215,7 @@ def robot_file(name, joints, rng):
         axis = np.array(p["axis"])
         elastic = "k_s" in p
         inertia = p["inertia"][int(np.argmax(axis))] + p["mass"] * (np.dot(p["centre"], p["centre"]) - np.dot(p["centre"], axis) ** 2)
-        lines += ["[[joint]]", f'name = "j{i + 1}"', 'kind = "revolute"', f"axis = [{axis[0]}.0, {axis[1]}.0, {axis[2]}.0]", f"origin_m = {[float(x) for x in p['origin']]}", "limits_rad = [-3.0, 3.0]", 'gravity = "acts"', f'transmission = "{"elastic" if elastic else "rigid"}"', f'friction = {{ law = "coulomb", slope_s_rad = {1 / SMOOTH_RAD_S} }}', "gear = 1.0", "[joint.body]"]
+        lines += ["[[joint]]", f'name = "j{i + 1}"', 'kind = "revolute"', f"axis = [{axis[0]}.0, {axis[1]}.0, {axis[2]}.0]", f"origin_m = {[float(x) for x in p['origin']]}", "limits_rad = [-3.0, 3.0]", 'gravity = "acts"', f'transmission = "{"elastic" if elastic else "rigid"}"', f'friction = {{ law = "coulomb", slope_s_rad = {2 / SMOOTH_RAD_S} }}', "gear = 1.0", "[joint.body]"]
         x, y, z = p["inertia"] if drawn else (0.0, 0.0, 0.0)
         lines += [f"mass_kg = {p['mass'] if drawn else 0.0}", f"centre_m = {[float(x) for x in p['centre']] if drawn else [0.0, 0.0, 0.0]}", f"inertia_kg_m2 = {{ xx = {x}, yy = {y}, zz = {z} }}", "[joint.parameters]"]
         lines.append(f"b = {{ start = {off(p['b'])} }}" if elastic or drawn or i else f"b = {{ fixed = {p['b']} }}")
