@@ -2,7 +2,8 @@
 """Robots of another simulator, one hidden effect each, diagnosed by the program.
 
 MuJoCo integrates the bodies; drives, friction and the hidden effect are torques that this file adds at every step of it.
-The chains, the laws' forms and the sensors are not those of the project's plant: encoders alone, a measured torque for the input.
+The chains, the integration and the sensors are not those of the project's plant: encoders alone, a measured torque for the input. Most laws have the
+program's forms: the study asks whether they are found on robots of other kinds.
 
     mass matrix, weight, Coriolis: MuJoCo ──┐
     motor torque, held for a tick ──────────┼─▶ joint accelerations ─▶ encoders, rounded to counts ─▶ CSV ─▶ host import, diagnose

@@ -225,12 +225,8 @@ impl Selection<'_> {
         while !fits(self.candidates, self.budget, &chosen, &self.candidates[taken]) {
             let mut least: Option<(f64, usize)> = None;
             for place in 0..chosen.len() {
-                let mut sums = self.yardstick.known.clone();
                 let rest = chosen.iter().enumerate().filter(|(other, _)| *other != place).map(|(_, block)| *block);
-                for block in rest.chain([taken]) {
-                    sums.iter_mut().zip(&self.candidates[block].information).for_each(|(sum, more)| sum.add(more, 1.0));
-                }
-                let score = self.yardstick.score(&sums);
+                let score = self.yardstick.score(&self.told(rest.chain([taken])));
                 if least.is_none_or(|(least, _)| score < least) {
                     least = Some((score, place));
                 }
@@ -241,13 +237,19 @@ impl Selection<'_> {
         Some(chosen)
     }
 
+    /// What these blocks tell, with what is known already, by robot.
+    fn told(self, blocks: impl Iterator<Item = usize>) -> Vec<Information> {
+        let mut sums = self.yardstick.known.clone();
+        for block in blocks {
+            sums.iter_mut().zip(&self.candidates[block].information).for_each(|(sum, more)| sum.add(more, 1.0));
+        }
+        sums
+    }
+
     /// Adds what gains most for its time until nothing fits; `without` is not added first.
     fn fill(self, mut chosen: Vec<usize>, without: Option<usize>) -> Choice {
         let Self { candidates, yardstick, budget } = self;
-        let mut sums = yardstick.known.clone();
-        for &block in &chosen {
-            sums.iter_mut().zip(&candidates[block].information).for_each(|(sum, more)| sum.add(more, 1.0));
-        }
+        let mut sums = self.told(chosen.iter().copied());
         let mut score = yardstick.score(&sums);
         let mut barred = without;
         loop {

@@ -206,7 +206,8 @@ pub fn plan(
             sum_of_blocks = choice.score.exp(),
             "exchange"
         );
-        bench.make(&mut pool, &yardstick, &mut budget, &mut choice, length_s, &mut planned)?;
+        let least = planned.as_ref().map_or(f64::INFINITY, |tried| tried.score);
+        planned = bench.make(&mut pool, &yardstick, &mut budget, &mut choice, (length_s, least))?.or(planned);
         if !had_time {
             break;
         }
@@ -313,7 +314,7 @@ impl<'a> Bench<'a> {
         }
     }
 
-    /// Makes and tries the whole motion of a choice, and takes it for `best` where it is better and holds on all robots. Blocks that do not hold in it are
+    /// Makes and tries the whole motion of a choice; none where its score is not below `least`, or none holds on all robots. Blocks that do not hold in it are
     /// left out, and the choice is made anew.
     fn make(
         &self,
@@ -321,13 +322,11 @@ impl<'a> Bench<'a> {
         yardstick: &Yardstick,
         budget: &mut Budget,
         choice: &mut Choice,
-        length_s: f64,
-        best: &mut Option<Tried>,
-    ) -> Result<(), PlanError> {
-        let least = best.as_ref().map_or(f64::INFINITY, |best| best.score);
+        (length_s, least): (f64, f64),
+    ) -> Result<Option<Tried>, PlanError> {
         for _ in 0..ATTEMPTS {
             if choice.blocks.is_empty() {
-                return Ok(());
+                return Ok(None);
             }
             let blocks: Vec<&Block> = choice.blocks.iter().map(|&place| &pool.blocks[place]).collect();
             let (motion, owners) = block::motion("planned", &blocks, &self.limits, false);
@@ -342,17 +341,16 @@ impl<'a> Bench<'a> {
             let score = self.score(yardstick, &trials);
             let holds_on =
                 |trials: &[Trial]| trials.iter().enumerate().all(|(robot, trial)| self.holds(robot, &trial.conduct));
-            let mut holds = holds_on(&trials);
+            let holds = holds_on(&trials);
             tracing::debug!(blocks = blocks.len(), error_ratio = score.exp(), mean_s, holds, "whole motion");
             if holds && mean_s <= length_s && score >= least {
-                return Ok(());
+                return Ok(None);
             }
             trials.extend(whole(&self.robots[ROBOTS..], None)?);
-            holds = holds_on(&trials);
+            let holds = holds_on(&trials);
             if holds && mean_s <= length_s {
                 let blocks = blocks.into_iter().cloned().collect();
-                *best = Some(Tried { motion, blocks, trials, score });
-                return Ok(());
+                return Ok(Some(Tried { motion, blocks, trials, score }));
             }
             if holds {
                 budget.duration_s -= mean_s - length_s + 0.01;
@@ -366,14 +364,14 @@ impl<'a> Bench<'a> {
                 left_out.sort_unstable();
                 left_out.dedup();
                 if left_out.is_empty() {
-                    return Ok(());
+                    return Ok(None);
                 }
                 pool.leave_out(&left_out, choice);
             }
             let selection = Selection { candidates: &pool.candidates, yardstick, budget };
             *choice = selection.exchange(&choice.blocks, &|| true);
         }
-        Ok(())
+        Ok(None)
     }
 
     /// The preset as a plan.

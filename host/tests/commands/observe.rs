@@ -1,14 +1,8 @@
 //! `host observe` as a user meets it: the commands of host/doc/observer.md, their files, refusals.
 
+use crate::commands_of;
 use crate::program::{host, json};
 use host::observe::Numbers;
-
-/// The commands of the document, without the program's name.
-fn commands() -> Vec<Vec<String>> {
-    let document = include_str!("../../doc/observer.md");
-    let block = document.split("```sh\n").nth(1).and_then(|rest| rest.split("```").next()).unwrap();
-    block.lines().map(|line| line.split_whitespace().skip(1).map(str::to_owned).collect()).collect()
-}
 
 #[test]
 fn the_document_is_true_and_what_cannot_be_observed_is_refused() {
@@ -17,7 +11,7 @@ fn the_document_is_true_and_what_cannot_be_observed_is_refused() {
     let short = concat!(env!("CARGO_MANIFEST_DIR"), "/src/simulate/motion/short.toml");
     host(folder.path(), &["record", "-q", "--port", "sim:seed=4", "--motion", short, "-o", "run.mcap"], 0);
     host(folder.path(), &["calibrate", "-q", "run.mcap", "-o", "cal.json"], 0);
-    for command in commands() {
+    for command in commands_of(include_str!("../../doc/observer.md"), 0) {
         let arguments: Vec<&str> = command.iter().map(String::as_str).collect();
         let said = host(folder.path(), &arguments, 0);
         match command[0].as_str() {

@@ -40,15 +40,15 @@ impl Bench<'_> {
         is_own: &dyn Fn(&str) -> bool,
     ) -> Result<Trial, CalibrateError> {
         let model = Model::extended(self.robot, trial.laws.clone())?;
+        if let Some(near) = near.filter(|_| !free_of(&model, is_own).contains(&true)) {
+            let (rotations, biases) = (near.rotations.clone(), near.biases.clone());
+            return Ok(Trial { rotations, biases, states: Vec::new(), block_weights: Vec::new(), ..trial.clone() });
+        }
         let known = Known { states: &[], block_weights: &[], ..trial.known() };
         let known = match near {
             Some(near) => Known { states: &near.states, layout: &near.layout, laws: &near.laws, ..known },
             None => known,
         };
-        if let Some(near) = near.filter(|_| !free_of(&model, is_own).contains(&true)) {
-            let Trial { rotations, biases, .. } = near.clone();
-            return Ok(Trial { rotations, biases, states: Vec::new(), block_weights: Vec::new(), ..trial.clone() });
-        }
         let (mut problem, mut start, mut held) = self.at(&model, &known);
         held.extend(held_but(&model, &problem, is_own));
         if near.is_none() {

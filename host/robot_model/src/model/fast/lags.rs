@@ -10,9 +10,6 @@ use super::{Dynamics, Fast, Samples};
 use crate::model::relaxation::{MOST_STAGES, Relaxation};
 use solve::simd::{LANES, Quad, Simd, Wide};
 
-/// Most gyros that lag.
-pub(super) const MOST_LAGS: usize = 4;
-
 /// The axes of bodies.
 const BODY_AXES: crate::robot::Matrix3 = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 

@@ -36,7 +36,6 @@ pub use step::{SlopesBy, StepQuads};
 use super::{Dynamics, Model};
 use crate::robot::{JointKind, Transmission};
 use bodies::{Bodies, Links};
-use lags::MOST_LAGS;
 use solve::simd::{Quad, Simd, Wide};
 
 /// Robots of this many joints are covered, …
@@ -72,8 +71,8 @@ impl Fast {
         let sized = layout.joints() == JOINTS && matches!(chain.joints(), JOINTS | WITH_PAIR | WITH_PAIRS);
         let own: Vec<usize> = (0..layout.joints()).flat_map(|joint| model.laws.own_states(joint)).copied().collect();
         let inputs = layout.inputs().is_empty() && model.input_delay().is_none();
-        let states = own.len() <= MOST_OWN && model.laws.lags.len() <= MOST_LAGS;
-        let covered = elastic && revolute && sized && inputs && states && !chain.has_coriolis() && model.is_plain();
+        let few = own.len() <= MOST_OWN;
+        let covered = elastic && revolute && sized && inputs && few && !chain.has_coriolis() && model.is_plain();
         let (has_laws, is_coupled) = (model.laws.at_drives(), model.laws.supply.is_some());
         covered.then(|| Fast { links: Links::of(chain), first: layout.q(0), has_laws, is_coupled, own })
     }

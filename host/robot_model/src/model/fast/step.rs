@@ -4,7 +4,7 @@ use super::drive::Accelerations;
 use super::lags::Lags;
 use super::laws::Drives;
 use super::own::{OwnColumn, add_own};
-use super::{Dynamics, Fast, JOINTS, Samples};
+use super::{Dynamics, Fast, JOINTS, MOST_OWN, Samples};
 use crate::model::Integrator;
 use solve::simd::{Quad, Simd, Wide};
 
@@ -198,17 +198,10 @@ impl StepQuads {
             let (q, qd) = links.moved(simd, (unit, &unit[L..]), step);
             let (theta_moved, thetad_moved) = motors.moved(simd, (&unit[theta..], &unit[thetad..]), step);
             let own_moved = own.moved(simd, fast, unit, step);
+            let chain = ChainColumn { q, qd, theta: theta_moved, thetad: thetad_moved };
             for i in 0..L {
                 let row = &f[(L + i) * columns..][..columns];
-                let mut sum = Wide::splat(simd, 0.0);
-                if !BY_STATE {
-                    sum = load(simd, &row[c]);
-                }
-                sum = add_products(simd, row, &q, sum);
-                sum = add_products(simd, &row[L..], &qd, sum);
-                sum = add_products(simd, &row[theta..], &theta_moved, sum);
-                sum = add_products(simd, &row[thetad..], &thetad_moved, sum);
-                links.fast[i] = add_own(simd, fast, row, &own_moved, sum);
+                links.fast[i] = by_all::<S, L, BY_STATE>(simd, fast, (row, c), (&chain, &own_moved));
             }
             for i in 0..JOINTS {
                 let row = &f[(thetad + i) * columns..][..columns];
@@ -232,15 +225,8 @@ impl StepQuads {
             }
             for (i, state) in fast.own.iter().enumerate() {
                 let row = &f[state * columns..][..columns];
-                let mut sum = Wide::splat(simd, 0.0);
-                if !BY_STATE {
-                    sum = load(simd, &row[c]);
-                }
-                sum = add_products(simd, row, &q, sum);
-                sum = add_products(simd, &row[L..], &qd, sum);
-                sum = add_products(simd, &row[theta..], &theta_moved, sum);
-                sum = add_products(simd, &row[thetad..], &thetad_moved, sum);
-                own.take(i, add_own(simd, fast, row, &own_moved, sum), scale);
+                let rate = by_all::<S, L, BY_STATE>(simd, fast, (row, c), (&chain, &own_moved));
+                own.take(i, rate, scale);
             }
             self.lags.take_column(simd, (f, columns), (&q, &qd), stage, &mut self.slopes[c..]);
             links.take(qd, scale);
@@ -250,6 +236,33 @@ impl StepQuads {
         motors.put(&mut self.slopes[theta * columns + c..], columns);
         own.put(fast, &mut self.slopes[c..], columns);
     }
+}
+
+/// A column of the state at a stage, that of laws left out.
+struct ChainColumn<S: Simd, const L: usize> {
+    q: [Wide<S>; L],
+    qd: [Wide<S>; L],
+    theta: [Wide<S>; JOINTS],
+    thetad: [Wide<S>; JOINTS],
+}
+
+/// Column c of a row of f that goes by the whole state.
+#[inline(always)]
+fn by_all<S: Simd, const L: usize, const BY_STATE: bool>(
+    simd: S,
+    fast: &Fast,
+    (row, c): (&[Quad], usize),
+    (chain, own): (&ChainColumn<S, L>, &[Wide<S>; MOST_OWN]),
+) -> Wide<S> {
+    let mut sum = Wide::splat(simd, 0.0);
+    if !BY_STATE {
+        sum = load(simd, &row[c]);
+    }
+    sum = add_products(simd, row, &chain.q, sum);
+    sum = add_products(simd, &row[L..], &chain.qd, sum);
+    sum = add_products(simd, &row[2 * L..], &chain.theta, sum);
+    sum = add_products(simd, &row[2 * L + JOINTS..], &chain.thetad, sum);
+    add_own(simd, fast, row, own, sum)
 }
 
 /// A column of the links or of the motors.
