@@ -9,8 +9,9 @@ program's forms: the study asks whether they are found on robots of other kinds.
     motor torque, held for a tick ──────────┼─▶ joint accelerations ─▶ encoders, rounded to counts ─▶ CSV ─▶ host import, diagnose
     friction, springs, hidden effect ───────┘
 
-    python tests/mujoco/study.py target/release/host [--robots arm2,arm3,flex1] [--effects ID,…] [--seeds N] [--out FILE.jsonl]
+    python tests/mujoco/study.py target/release/host [--robots arm2,arm3,flex1] [--effects ID,…] [--seeds N] [--out FILE.jsonl] [--keep FOLDER]
 
+A case whose line stands in FILE.jsonl is counted and not made again. `--keep` leaves every case's recordings and result in a folder of its own.
 needs the packages mujoco and numpy. Prints a line a case and the count of right, wrong and missing names by robot.
 """
 
@@ -245,11 +246,14 @@ def run(host, *arguments):
     return output.returncode, output.stderr
 
 
-def case(host, name, effect, seed):
+def case(host, name, effect, seed, keep=None):
     rng = np.random.default_rng([seed, sorted(EFFECTS).index(effect), sorted(ROBOTS).index(name)])
     joints = ROBOTS[name]
     what = hidden(effect, joints, rng)
     with tempfile.TemporaryDirectory() as folder:
+        if keep:
+            folder = Path(keep) / f"{name}_{effect}_{seed}"
+            folder.mkdir(parents=True, exist_ok=True)
         at = lambda file: Path(folder) / file
         at("robot.toml").write_text(robot_file(name, joints, rng))
         for motion in ("cal", "val"):
@@ -284,19 +288,25 @@ def main():
     parser.add_argument("--effects", default=",".join(EFFECTS))
     parser.add_argument("--seeds", type=int, default=1)
     parser.add_argument("--out")
+    parser.add_argument("--keep")
     arguments = parser.parse_args()
+    made = {}
+    if arguments.out and Path(arguments.out).exists():
+        for result in map(json.loads, Path(arguments.out).read_text().splitlines()):
+            made[result["robot"], result["effect"], result["seed"]] = result
     counts = {}
     for seed in range(arguments.seeds):
         for effect in arguments.effects.split(","):
             for name in arguments.robots.split(","):
                 if EFFECTS[effect] not in ("all", name):
                     continue
-                result = case(arguments.host, name, effect, seed)
+                known = (name, effect, seed) in made
+                result = made[name, effect, seed] if known else case(arguments.host, name, effect, seed, arguments.keep)
                 result["judged"] = judged(result)
                 of_robot = counts.setdefault(name, {})
                 of_robot[result["judged"]] = of_robot.get(result["judged"], 0) + 1
                 print(f"{name:6} {effect:22} {result['judged']:14} {','.join(result.get('named', [])):40} {result.get('gain')} {result.get('seconds')} s", flush=True)
-                if arguments.out:
+                if arguments.out and not known:
                     with open(arguments.out, "a") as out:
                         out.write(json.dumps(result) + "\n")
     for name, of_robot in counts.items():
