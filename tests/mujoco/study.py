@@ -11,12 +11,13 @@ program's forms: the study asks whether they are found on robots of other kinds.
 
     python tests/mujoco/study.py target/release/host [--robots arm2,arm3,flex1] [--effects ID,…] [--seeds N] [--out FILE.jsonl] [--keep FOLDER]
 
-A case whose line stands in FILE.jsonl is counted and not made again. `--keep` leaves every case's recordings and result in a folder of its own.
-needs the packages mujoco and numpy. Prints a line a case and the count of right, wrong and missing names by robot.
+Needs the packages mujoco and numpy. Prints a line a case and the count of right, wrong and missing names by robot. A case whose line stands in FILE.jsonl
+is counted and not made again: another program needs another file. `--keep` leaves the files of every case in a folder of its own.
 """
 
 import argparse
 import json
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -246,25 +247,30 @@ def run(host, *arguments):
     return output.returncode, output.stderr
 
 
-def case(host, name, effect, seed, keep=None):
+def case(host, name, effect, seed, keep):
+    """One case, made in a folder that is new, so that no file of an earlier run is taken for its own."""
+    with tempfile.TemporaryDirectory() as folder:
+        result = diagnosed(Path(folder), host, name, effect, seed)
+        if keep:
+            shutil.copytree(folder, Path(keep) / f"{name}_{effect}_{seed}", dirs_exist_ok=True)
+    return result
+
+
+def diagnosed(folder, host, name, effect, seed):
     rng = np.random.default_rng([seed, sorted(EFFECTS).index(effect), sorted(ROBOTS).index(name)])
     joints = ROBOTS[name]
     what = hidden(effect, joints, rng)
-    with tempfile.TemporaryDirectory() as folder:
-        if keep:
-            folder = Path(keep) / f"{name}_{effect}_{seed}"
-            folder.mkdir(parents=True, exist_ok=True)
-        at = lambda file: Path(folder) / file
-        at("robot.toml").write_text(robot_file(name, joints, rng))
-        for motion in ("cal", "val"):
-            rows = simulate(joints, effect, what, rng)
-            np.savetxt(at(f"{motion}.csv"), rows, delimiter=",", header=",".join(columns(joints)), comments="", fmt="%.9g")
-            code, said = run(host, "import", at(f"{motion}.csv"), "--robot", at("robot.toml"), "-o", at(f"{motion}.mcap"))
-            if code != 0:
-                return dict(robot=name, effect=effect, seed=seed, verdict="refused", said=said[-400:])
-        clock = time.time()
-        code, said = run(host, "diagnose", at("cal.mcap"), "--holdout", at("val.mcap"), "-o", at("d.json"))
-        told = json.loads(at("d.json").read_text()) if at("d.json").exists() else {}
+    at = lambda file: folder / file
+    at("robot.toml").write_text(robot_file(name, joints, rng))
+    for motion in ("cal", "val"):
+        rows = simulate(joints, effect, what, rng)
+        np.savetxt(at(f"{motion}.csv"), rows, delimiter=",", header=",".join(columns(joints)), comments="", fmt="%.9g")
+        code, said = run(host, "import", at(f"{motion}.csv"), "--robot", at("robot.toml"), "-o", at(f"{motion}.mcap"))
+        if code != 0:
+            return dict(robot=name, effect=effect, seed=seed, verdict="refused", said=said[-400:])
+    clock = time.time()
+    code, said = run(host, "diagnose", at("cal.mcap"), "--holdout", at("val.mcap"), "-o", at("d.json"))
+    told = json.loads(at("d.json").read_text()) if at("d.json").exists() else {}
     findings = told.get("findings", [])
     gain = (told.get("holdout_gain") or {}).get("share")
     return dict(robot=name, effect=effect, seed=seed, code=code, seconds=round(time.time() - clock), verdict=told.get("verdict", "none was made"), named=[finding["effect"] for finding in findings], gain=gain, summary=told.get("summary", said[-400:]))
@@ -300,8 +306,8 @@ def main():
             for name in arguments.robots.split(","):
                 if EFFECTS[effect] not in ("all", name):
                     continue
-                known = (name, effect, seed) in made
-                result = made[name, effect, seed] if known else case(arguments.host, name, effect, seed, arguments.keep)
+                known = made.get((name, effect, seed))
+                result = known or case(arguments.host, name, effect, seed, arguments.keep)
                 result["judged"] = judged(result)
                 of_robot = counts.setdefault(name, {})
                 of_robot[result["judged"]] = of_robot.get(result["judged"], 0) + 1
