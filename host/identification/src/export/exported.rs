@@ -90,13 +90,13 @@ impl<'c> Exported<'c> {
         self.calibrated.robot().joints.len()
     }
 
-    /// Most equal parts of a step of the sample period: as many as one needs in which a joint comes to rest.
+    /// Equal parts of a step of the sample period in which a joint comes to rest; one where steps are never divided.
     pub fn parts(&self) -> usize {
         let (model, period_s) = (self.calibrated.model(), self.calibrated.robot().sample_period_s);
-        self.calibrated.integrator().most_parts(&model.at(self.calibrated.z()), period_s)
+        self.calibrated.integrator().parts_near_rest(&model.at(self.calibrated.z()), period_s)
     }
 
-    /// Joints whose friction parts steps near rest: component of their speed, κ/2, rate near rest. None where steps have no parts.
+    /// Joints whose friction parts steps near rest: component of their speed, κ/2, rate near rest. None of Euler's steps.
     pub(super) fn rubbing(&self) -> Vec<(usize, f64, f64)> {
         match self.integrator() {
             Integrator::Euler => Vec::new(),

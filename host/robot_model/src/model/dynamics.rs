@@ -26,6 +26,10 @@ type Duals = Lanes<LANES>;
 /// Parts of a step at most, each as dear as a whole one; friction that is steeper still is smeared.
 pub const MOST_PARTS: usize = 16;
 
+/// Friction whose rate near rest comes to no more over a step leaves steps whole, and fast kernels at work. What it does in a step changes the argument of its
+/// smoothed sign by no more than that; of a step that a drive forces across a reversal, which is the worst, a Runge-Kutta step has it to a third.
+pub const WHOLE: f64 = 0.5;
+
 /// A model at given parameters.
 #[derive(Debug, Clone)]
 pub struct Dynamics<'m> {
@@ -145,20 +149,25 @@ impl<'m> Dynamics<'m> {
         self.rubbing.iter().map(|joint| (joint.speed, joint.half_slope_s, joint.per_s))
     }
 
-    /// Most parts of a step of this length: as many as one needs in which a joint that rubs comes to rest.
-    pub(super) fn most_parts(&self, duration_s: f64) -> usize {
-        parts(self.rubbing.iter().map(|joint| joint.per_s).fold(0.0, f64::max) * duration_s)
+    /// Parts of a step of this length in which a joint that rubs comes to rest; one where no step is divided.
+    pub(super) fn parts_near_rest(&self, duration_s: f64) -> usize {
+        let rate = self.rubbing.iter().map(|joint| joint.per_s).fold(0.0, f64::max) * duration_s;
+        if rate <= WHOLE { 1 } else { parts(rate).max(2) }
     }
 
-    /// Parts in which a step from `x`, whose speeds change as ẋ says, is integrated: no part is longer than the time in which friction's smoothed sign, as steep as
-    /// it is at the least speed of the step, would stop a joint. A power of two, so that a search meets few changes of it.
+    /// Parts in which a step from `x`, whose speeds change as ẋ says, is integrated. No part is longer than the time in which friction's smoothed sign, as steep
+    /// as it is at the least speed of the step, would stop a joint; nor does the argument of that sign change by more than one in a part, where the step
+    /// comes near a reversal. Under both a Runge-Kutta part has friction's impulse to 0.2 % of μ T, and another number of parts changes the state by no
+    /// more: with too few, a search meets a jump of the cost where the number changes, and no step of it gets across. A power of two, so that it meets few changes.
     pub(super) fn parts_of_step(&self, x: &[f64], xdot: &[f64], duration_s: f64) -> usize {
-        let steepness = |joint: &Rubbing| {
-            let (begin, end) = (x[joint.speed], x[joint.speed] + duration_s * xdot[joint.speed]);
+        let needed = |joint: &Rubbing| {
+            let change = duration_s * xdot[joint.speed];
+            let (begin, end) = (x[joint.speed], x[joint.speed] + change);
             let least = if begin * end > 0.0 { begin.abs().min(end.abs()) } else { 0.0 };
-            joint.per_s * (joint.half_slope_s * least).cosh().powi(-2)
+            let sech = (joint.half_slope_s * least).cosh().recip();
+            (joint.per_s * duration_s * sech * sech).max(joint.half_slope_s * change.abs() * sech)
         };
-        parts(self.rubbing.iter().map(steepness).fold(0.0, f64::max) * duration_s)
+        parts(self.rubbing.iter().map(needed).fold(0.0, f64::max))
     }
 
     /// Columns of [`Linear::slopes`]: state components, then coordinates.

@@ -58,11 +58,11 @@ impl Integrator {
         }
     }
 
-    /// Most equal parts in which a step of this length is made.
-    pub fn most_parts(self, dynamics: &Dynamics<'_>, duration_s: f64) -> usize {
+    /// Equal parts in which a step of this length is made where a joint comes to rest; one where steps are never divided.
+    pub fn parts_near_rest(self, dynamics: &Dynamics<'_>, duration_s: f64) -> usize {
         match self {
             Integrator::Euler => 1,
-            Integrator::RungeKutta4 => dynamics.most_parts(duration_s),
+            Integrator::RungeKutta4 => dynamics.parts_near_rest(duration_s),
         }
     }
 }
@@ -112,7 +112,7 @@ impl Stepper {
 
     /// Equal parts in which the step from `x` is made.
     fn parts(&mut self, dynamics: &Dynamics<'_>, x: &[f64], input: Input<'_>, duration_s: f64) -> usize {
-        if self.integrator.most_parts(dynamics, duration_s) == 1 {
+        if self.integrator.parts_near_rest(dynamics, duration_s) == 1 {
             return 1;
         }
         self.k.resize(x.len(), 0.0);

@@ -274,11 +274,48 @@ fn a_step_has_as_many_parts_as_the_slope_that_a_law_finds_needs() {
     let robot = Robot::builtin("one_joint").unwrap();
     let law = Effect::by_id("friction_slope").unwrap().laws(&robot).unwrap().swap_remove(0);
     let (base, extended) = (Model::new(&robot), Model::extended(&robot, vec![law]).unwrap());
-    let parts = |model: &Model, z: &[f64]| Integrator::RungeKutta4.most_parts(&model.at(z), 8e-3);
+    let parts = |model: &Model, z: &[f64]| Integrator::RungeKutta4.parts_near_rest(&model.at(z), 8e-3);
     let mut z = extended.coordinates().start();
     let described = parts(&base, &base.coordinates().start());
     assert_eq!(parts(&extended, &z), described);
     z[extended.coordinates().first_of_law(0)] += 2f64.ln();
     assert_eq!(parts(&extended, &z), 2 * described, "a slope twice as steep");
     assert!(described > 1);
+}
+
+#[test]
+fn a_step_across_a_reversal_has_the_impulse_of_friction_wherever_it_begins() {
+    let robot = Robot::builtin("emps").unwrap();
+    let model = Model::new(&robot);
+    let period_s = robot.sample_period_s;
+    let mut rng = StdRng::seed_from_u64(7);
+    let mut stepper = Stepper::new(Integrator::RungeKutta4);
+    let mut x = vec![0.0; model.layout().size()];
+    let (mut next, mut fine, mut most) = (x.clone(), x.clone(), [0.0_f64; 2]);
+    for _ in 0..4000 {
+        let mut z = model.coordinates().start();
+        let mu = model.coordinates().names().position(|(name, _)| name.starts_with("mu")).unwrap();
+        // Friction takes an eighth of a width of its sign's bend in a step to four, the drive up to 12.
+        z[mu] *= rng.random_range(-2.5..1.0_f64).exp();
+        let dynamics = model.at(&z);
+        let (speed, half_slope_s, per_s) = dynamics.rubbing().next().unwrap();
+        let width = half_slope_s.recip();
+        x[speed] = rng.random_range(-12.0..12.0) * width;
+        let force = 50.0 * rng.random_range(-8.0..8.0) * width / period_s;
+        stepper.step(&dynamics, &x, &[force][..], period_s, &mut next);
+        fine.copy_from_slice(&x);
+        for _ in 0..256 {
+            let from = fine.clone();
+            stepper.step(&dynamics, &from, &[force][..], period_s / 256.0, &mut fine);
+        }
+        let friction = per_s * width * period_s;
+        let is_divided = per_s * period_s > 0.5;
+        let most = &mut most[usize::from(is_divided)];
+        *most = most.max((next[speed] - fine[speed]).abs() / friction);
+    }
+    println!("most {most:?}");
+    // Of μ T over the inertia. atol: what the parts of a step are chosen for, and what whole steps leave.
+    let [whole, divided] = most;
+    assert!(divided < 2.5e-3, "{divided} of friction's impulse");
+    assert!((0.1..0.4).contains(&whole), "{whole} of friction's impulse");
 }

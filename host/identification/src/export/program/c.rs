@@ -7,7 +7,7 @@ use super::text::{Syntax, statements};
 use super::{Program, Sizes, head};
 use crate::export::{ExportError, Exported, Loss, loss};
 use crate::model::expression::Function;
-use crate::model::{Expression, Integrator, MOST_PARTS};
+use crate::model::{Expression, Integrator, MOST_PARTS, WHOLE};
 
 /// A header and its code.
 #[derive(Debug, Clone, PartialEq)]
@@ -249,15 +249,18 @@ fn step(exported: &Exported<'_>, name: &str) -> String {
         rubbing.iter().map(|(speed, slope, rate)| format!("{{{speed}, R({slope:?}), R({rate:?})}}")).collect();
     format!(
         "
-/* Parts of a step: none is longer than the time in which friction, as steep as at the least speed of the step, would stop a joint. */
+/* Parts of a step: none is longer than the time in which friction, as steep as at the least speed of the step, would stop a joint, and in none
+   the argument of friction's sign changes by more than one near a reversal. Friction that does little in a step leaves it whole. */
 static int parts_of_step(const real *x, const real *xdot, real h) {{
     static const struct {{ int speed; real half_slope, per_s; }} rubbing[{rub_size}] = {{{rub_list}}};
-    int parts = 1;
-    for (int i = 0; i < {rub_count}; ++i) {{
-        const real begin = x[rubbing[i].speed], end = begin + h * xdot[rubbing[i].speed];
+    int parts = 1, whole = 1;
+    for (int i = 0; i < {rub_count}; ++i) whole = whole && rubbing[i].per_s * h <= R({WHOLE:?});
+    for (int i = 0; i < {rub_count} && !whole; ++i) {{
+        const real begin = x[rubbing[i].speed], change = h * xdot[rubbing[i].speed], end = begin + change;
         const real least = begin * end > 0 ? (fabs(begin) < fabs(end) ? fabs(begin) : fabs(end)) : 0;
-        const real sign = tanh(rubbing[i].half_slope * least), rate = rubbing[i].per_s * (1 - sign * sign);
-        while (parts < {most} && parts < rate * h) parts *= 2;
+        const real sign = tanh(rubbing[i].half_slope * least), slope = 1 - sign * sign;
+        const real rate = rubbing[i].per_s * h * slope, turn = rubbing[i].half_slope * fabs(change) * sqrt(slope);
+        while (parts < {most} && (parts < rate || parts < turn)) parts *= 2;
     }}
     return parts;
 }}

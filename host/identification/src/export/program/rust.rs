@@ -6,7 +6,7 @@ use super::text::{Syntax, statements};
 use super::{Program, Sizes, head};
 use crate::export::{ExportError, Exported, Loss, loss};
 use crate::model::expression::Function;
-use crate::model::{Expression, Integrator, MOST_PARTS};
+use crate::model::{Expression, Integrator, MOST_PARTS, WHOLE};
 
 /// The file, and what it keeps.
 ///
@@ -247,16 +247,23 @@ const LAGS: [(usize, usize, f64); {count}] = [{lags}];
 /// Joints whose friction parts steps near rest: their speed, half the slope of friction's sign, the rate at which it takes a speed, 1/s.
 const RUBBING: [(usize, f64, f64); {rubbing_count}] = [{rubbing}];
 
-/// Parts of a step: none is longer than the time in which friction, as steep as at the least speed of the step, would stop a joint.
+/// Parts of a step: none is longer than the time in which friction, as steep as at the least speed of the step, would stop a joint, and in none the
+/// argument of friction's sign changes by more than one near a reversal. Friction that does little in a step leaves it whole.
 fn parts_of_step<T: Real>(x: &[T; STATES], xdot: &[T; STATES], h: T) -> usize {{
     let mut parts = 1;
+    if RUBBING.into_iter().all(|(_, _, per_s)| T::of(per_s) * h <= T::of({WHOLE:?})) {{
+        return parts;
+    }}
     for (speed, half_slope, per_s) in RUBBING {{
-        let (begin, end) = (x[speed], x[speed] + h * xdot[speed]);
+        let (begin, change) = (x[speed], h * xdot[speed]);
+        let end = begin + change;
         let nearer = if Real::abs(begin) < Real::abs(end) {{ Real::abs(begin) }} else {{ Real::abs(end) }};
         let least = if begin * end > T::of(0.0) {{ nearer }} else {{ T::of(0.0) }};
         let sign = Real::tanh(T::of(half_slope) * least);
-        let rate = T::of(per_s) * (T::of(1.0) - sign * sign);
-        while parts < {MOST_PARTS} && T::of(parts as f64) < rate * h {{
+        let slope = T::of(1.0) - sign * sign;
+        let rate = T::of(per_s) * h * slope;
+        let turn = T::of(half_slope) * Real::abs(change) * Real::sqrt(slope);
+        while parts < {MOST_PARTS} && (T::of(parts as f64) < rate || T::of(parts as f64) < turn) {{
             parts *= 2;
         }}
     }}
