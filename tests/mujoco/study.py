@@ -99,7 +99,8 @@ def hidden(effect, joints, rng):
     some = rng.uniform(0.7, 1.4, n)
     return {
         "stribeck": dict(extra=0.6 * some * mu, at=0.12 * rng.uniform(0.7, 1.4)),
-        "asymmetric_friction": dict(part=0.25 * some * sign * mu),
+        # The constant part alone is the offset that every joint of these robots has.
+        "asymmetric_friction": dict(part=0.25 * some * sign * mu, slope=0.4 * some * sign * np.array([p["v"] for p in joints])),
         "quadratic_drag": dict(c=0.12 * some * mu),
         "cogging": dict(a=0.3 * some * mu, p=int(rng.integers(4, 12)), phi=rng.uniform(-3, 3, n)),
         "cable_spring": dict(k=0.9 * some * mu, at=rng.uniform(-0.8, 0.8, n)),
@@ -177,7 +178,7 @@ def simulate(joints, effect, what, rng):
                 level = level + what["a"] * np.abs(load)
             friction = level * np.tanh(w / SMOOTH_RAD_S) + v * w
             if effect == "asymmetric_friction":
-                friction = friction + what["part"] * np.abs(np.tanh(w / SMOOTH_RAD_S))
+                friction = friction + what["part"] * np.abs(np.tanh(w / SMOOTH_RAD_S)) + what["slope"] * np.abs(w)
             # Air and cables are the link's.
             place, rate = data.qpos[links], data.qvel[links]
             held = np.zeros(n)
