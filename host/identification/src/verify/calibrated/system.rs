@@ -7,7 +7,7 @@ use nalgebra::{DMatrix, DVector};
 use super::super::system::{Four, System};
 use super::CalibratedModel;
 use super::four;
-use crate::model::fast::StepQuads;
+use crate::model::fast::{Fast, StepQuads};
 use crate::model::{Dynamics, Input, Linear, SensorFrame, StepSlopes, Stepper};
 use crate::robot::{Channel, ChannelKind, Side};
 use solve::simd::Quad;
@@ -49,7 +49,14 @@ pub struct CalibratedSystem<'m> {
     pub(super) now: Option<usize>,
 }
 
-impl CalibratedSystem<'_> {
+impl<'m> CalibratedSystem<'m> {
+    /// The kernel of four states, if it covers the model and steps as long as theirs are whole: it divides none.
+    fn kernel(&self, four: &Four) -> Option<&'m Fast> {
+        let longest_s = four.dt_s.0.into_iter().fold(0.0, f64::max);
+        let is_whole = || self.calibrated.integrator.parts_near_rest(&self.dynamics, longest_s) == 1;
+        self.calibrated.fast.as_ref().filter(|_| is_whole())
+    }
+
     /// When a channel reads after the sample, s.
     fn instant_s(&self, channel: &Channel) -> f64 {
         let ChannelKind::GyroAxis { gyro, .. } = channel.kind else { return channel.offset_s };
@@ -272,14 +279,14 @@ impl System for CalibratedSystem<'_> {
 
     fn step_four(&mut self, of: &Four, next: &mut [Quad]) {
         let calibrated = self.calibrated;
-        let Some(fast) = &calibrated.fast else { return of.step_each(self, next) };
+        let Some(fast) = self.kernel(of) else { return of.step_each(self, next) };
         four::step::<false>((fast, &self.dynamics, calibrated.integrator), of, &mut self.quads);
         next.copy_from_slice(&self.quads.next);
     }
 
     fn step_jacobian_four(&mut self, of: &Four, next: &mut [Quad], jacobian: &mut [Quad]) {
         let calibrated = self.calibrated;
-        let Some(fast) = &calibrated.fast else { return of.step_jacobian_each(self, next, jacobian) };
+        let Some(fast) = self.kernel(of) else { return of.step_jacobian_each(self, next, jacobian) };
         four::step::<true>((fast, &self.dynamics, calibrated.integrator), of, &mut self.quads);
         next.copy_from_slice(&self.quads.next);
         let rows = self.quads.slopes.chunks_exact(self.dynamics.columns());
