@@ -91,9 +91,9 @@ fn laws(robot: &Robot) -> Laws {
         }
         CableLaw { parameters }
     };
-    // A constant torque that the description has is the preload already.
+    // A constant torque of the link that the description has is the preload already.
     let mut preloaded = draw::all(robot);
-    preloaded.retain(|joint| !draw::has_offset(robot, *joint));
+    preloaded.retain(|joint| !draw::has_offset_at_link(robot, *joint));
     let elsewhere = (!preloaded.is_empty()).then(|| law(&preloaded));
     each([law(&[])].into_iter().chain(elsewhere))
 }
@@ -119,5 +119,11 @@ mod tests {
     fn a_joint_whose_offset_is_described_has_no_preload_beside_it() {
         let robot = Robot::builtin("xl330_pendulum").unwrap();
         assert_eq!(laws(&robot).unwrap().len(), 1);
+        // An offset of the motor winds the transmission, which a preload of the link does not without it.
+        let elastic = include_str!("../robot/builtin/one_joint.toml");
+        let motors = elastic.replace("[joint.parameters]", "[joint.parameters]\no = { start = 0.0 }");
+        let links = motors.replace("speed = \"motor\"", "acts = \"link\"");
+        let forms = |text: &str| laws(&Robot::parse(text).unwrap()).unwrap().len();
+        assert_eq!([elastic, &motors, &links].map(forms), [2, 2, 1]);
     }
 }

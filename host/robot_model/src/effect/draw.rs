@@ -9,7 +9,7 @@ use rand::{Rng, RngExt};
 
 use super::{EffectError, Size, TrueValue};
 use crate::model::law::unit_at;
-use crate::robot::{JointKind, Robot, Symbol, Transmission, Vector3};
+use crate::robot::{Friction, JointKind, Robot, Side, Symbol, Transmission, Vector3};
 
 /// What a robot lacks that has no elastic joint.
 pub(super) const NO_BELT: &str = "no joint moves through an elastic transmission";
@@ -57,6 +57,13 @@ pub(super) fn rubbing_by_turns(robot: &Robot) -> Vec<usize> {
 /// Whether the description has a constant torque on this joint already, known or not.
 pub(super) fn has_offset(robot: &Robot, joint: usize) -> bool {
     robot.joint_parameter(Symbol::O, joint).is_some()
+}
+
+/// Whether that torque is one of the joint's link: of a rigid joint, or where friction is the link's. Others turn the motor, and wind the transmission.
+pub(super) fn has_offset_at_link(robot: &Robot, joint: usize) -> bool {
+    let of = &robot.joints[joint];
+    let at_link = matches!(of.friction, Friction::Coulomb { acts: Side::Link, .. });
+    has_offset(robot, joint) && (of.transmission == Transmission::Rigid || at_link)
 }
 
 /// What a parameter is on the average simulated robot of this description; zero if it has none.
