@@ -65,6 +65,11 @@ impl Integrator {
             Integrator::RungeKutta4 => dynamics.parts_near_rest(duration_s),
         }
     }
+
+    /// Whether no step of this length is divided, as kernels ask that divide none.
+    pub fn leaves_whole(self, dynamics: &Dynamics<'_>, duration_s: f64) -> bool {
+        self.parts_near_rest(dynamics, duration_s) == 1
+    }
 }
 
 impl Stepper {
@@ -112,7 +117,7 @@ impl Stepper {
 
     /// Equal parts in which the step from `x` is made.
     fn parts(&mut self, dynamics: &Dynamics<'_>, x: &[f64], input: Input<'_>, duration_s: f64) -> usize {
-        if self.integrator.parts_near_rest(dynamics, duration_s) == 1 {
+        if self.integrator.leaves_whole(dynamics, duration_s) {
             return 1;
         }
         self.k.resize(x.len(), 0.0);

@@ -32,8 +32,7 @@ mod supply;
 mod tests;
 pub mod traced;
 
-pub use dynamics::{Dynamics, Linear, LinksAt};
-pub use dynamics::{MOST_PARTS, WHOLE};
+pub use dynamics::{Dynamics, Linear, LinksAt, MOST_PARTS, WHOLE};
 pub use input::Input;
 pub use integrator::{Integrator, StepSlopes, Stepper};
 pub use laws::Lagging;

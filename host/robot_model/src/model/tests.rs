@@ -309,7 +309,7 @@ fn a_step_across_a_reversal_has_the_impulse_of_friction_wherever_it_begins() {
             stepper.step(&dynamics, &from, &[force][..], period_s / 256.0, &mut fine);
         }
         let friction = per_s * width * period_s;
-        let is_divided = per_s * period_s > 0.5;
+        let is_divided = !Integrator::RungeKutta4.leaves_whole(&dynamics, period_s);
         let most = &mut most[usize::from(is_divided)];
         *most = most.max((next[speed] - fine[speed]).abs() / friction);
     }

@@ -362,7 +362,7 @@ impl<'m> Problem<'m> {
 
     /// The fast kernel, if steps are made in one part: it knows no others.
     fn kernel(&self, point: &Point<'m>) -> Option<&Fast> {
-        let is_whole = || self.assumptions.integrator.parts_near_rest(&point.dynamics, self.longest_s) == 1;
+        let is_whole = || self.assumptions.integrator.leaves_whole(&point.dynamics, self.longest_s);
         self.fast.as_ref().filter(|_| is_whole())
     }
 

@@ -53,7 +53,7 @@ impl<'m> CalibratedSystem<'m> {
     /// The kernel of four states, if it covers the model and steps as long as theirs are whole: it divides none.
     fn kernel(&self, four: &Four) -> Option<&'m Fast> {
         let longest_s = four.dt_s.0.into_iter().fold(0.0, f64::max);
-        let is_whole = || self.calibrated.integrator.parts_near_rest(&self.dynamics, longest_s) == 1;
+        let is_whole = || self.calibrated.integrator.leaves_whole(&self.dynamics, longest_s);
         self.calibrated.fast.as_ref().filter(|_| is_whole())
     }
 

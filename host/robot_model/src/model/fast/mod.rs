@@ -7,7 +7,7 @@
 //! What it covers: [`JOINTS`] revolute elastic joints, with a pair of passive ones before or behind them or both, no Coriolis terms, no constant
 //! torque and no unknown inertia; of effects' laws those that change a drive, with at most [`MOST_OWN`] states of their own, and gyros that lag.
 //! Everything else takes the generic walk.
-//! A step is made in one part: where friction is so steep that it wants [more](super::Integrator::parts_near_rest), the caller has to take the generic walk too.
+//! A step is made in one part: where friction is so steep that it does [not leave it whole](super::Integrator::leaves_whole), the caller has to take the generic walk too.
 //! Kernels are compiled by the number L of links; joint i of the robot moves link `first` + i. A state is
 //!
 //! ```text
