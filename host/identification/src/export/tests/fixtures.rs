@@ -12,7 +12,7 @@ use crate::effect::Effect;
 use crate::export::Exported;
 use crate::model::Model;
 use crate::model::law::Form;
-use crate::robot::{InputUnit, Robot, Symbol};
+use crate::robot::{Friction, InputUnit, Robot, Symbol};
 
 /// Two rigid joints that turn, in the vertical plane, driven by currents; the second is as its file says, with a link encoder and two late sensors.
 const RIGID: &str = include_str!("rigid.toml");
@@ -118,7 +118,8 @@ pub fn calibration(robot: &Robot, extensions: &[&str]) -> Calibration {
     }
 }
 
-/// States, inputs and a time that a robot may meet: links near their motors, slow and fast.
+/// States, inputs and a time that a robot may meet: links near their motors; joints slow, fast, and within twice the width of friction's smoothed sign, where steps are
+/// divided by how far the sign's argument moves.
 pub fn random_points(exported: &Exported<'_>, count: usize, seed: u64) -> Vec<Vec<f64>> {
     let mut rng = StdRng::seed_from_u64(seed);
     let (layout, robot) = (exported.calibrated.model().layout(), exported.calibrated.robot());
@@ -129,14 +130,17 @@ pub fn random_points(exported: &Exported<'_>, count: usize, seed: u64) -> Vec<Ve
     let mut point = || {
         let mut x: Vec<f64> = (0..layout.size()).map(|_| rng.random_range(-0.02..0.02)).collect();
         for i in 0..layout.joints() {
-            let slow = rng.random_bool(0.3);
             let [low, high] = robot.joints[i].limits;
-            let speed = if slow { 0.01 } else { 2.0 };
+            let (speed, twist_speed) = match (rng.random_range(0..10), &robot.joints[i].friction) {
+                (0..3, Friction::Coulomb { slope_s, .. }) => (4.0 / slope_s, 2.0 / slope_s),
+                (0..6, _) => (0.01, 0.5),
+                _ => (2.0, 0.5),
+            };
             x[layout.q(i)] = rng.random_range(low..high);
             x[layout.qd(i)] = rng.random_range(-speed..speed);
             if layout.is_elastic(i) {
                 x[layout.theta(i)] = x[layout.q(i)] + rng.random_range(-0.05..0.05);
-                x[layout.thetad(i)] = x[layout.qd(i)] + rng.random_range(-0.5..0.5);
+                x[layout.thetad(i)] = x[layout.qd(i)] + rng.random_range(-twist_speed..twist_speed);
             }
         }
         let u: Vec<f64> = (0..layout.joints()).map(|_| rng.random_range(-most..most)).collect();
