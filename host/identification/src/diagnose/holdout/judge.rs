@@ -7,6 +7,7 @@ use crate::diagnose::refit::{Fitted, Refit};
 use crate::diagnose::result::{ChannelGain, HoldoutGain, Rejected};
 use crate::diagnose::selection::{Accepted, Selection, losses};
 use crate::effect::Effect;
+use solve::threads::both;
 
 /// A prediction whose error grows by more than that, as a share, has run away.
 const TENFOLD: f64 = 10.0;
@@ -99,19 +100,28 @@ fn evaluate(
     let extended = predict(&selection.current, &effects, None);
     let can_predict =
         |fitted: &Fitted, effects: &[&'static Effect]| effects.is_empty() || predict(fitted, effects, None).is_some();
-    let mut models = Vec::new();
-    for (place, (without, lost)) in losses(refit, selection).into_iter().enumerate() {
+    let (models, lost): (Vec<Fitted>, Vec<Vec<f64>>) = losses(refit, selection).into_iter().unzip();
+    let of_place = |place: usize| {
+        let without = &models[place];
         let mut others = effects.clone();
         others.remove(place);
         let gain = extended.as_ref().and_then(|extended| {
             if others.is_empty() {
                 return Some(holdout.gain(base, extended));
             }
-            Some(holdout.gain(&predict(&without, &others, Some(extended))?, extended))
+            Some(holdout.gain(&predict(without, &others, Some(extended))?, extended))
         });
-        judged.predicted.push(gain.is_some() || can_predict(&without, &others));
+        (gain.is_some() || can_predict(without, &others), gain)
+    };
+    // Models do not know of each other, and a filter runs on one thread.
+    let every_other =
+        |first: usize| -> Vec<_> { (first..models.len()).step_by(2).map(|place| (place, of_place(place))).collect() };
+    let (mut of_each, odd) = both(refit.bench.settings.threads, || every_other(0), || every_other(1));
+    of_each.extend(odd);
+    of_each.sort_by_key(|(place, _)| *place);
+    for ((_, (predicted, gain)), lost) in of_each.into_iter().zip(lost) {
+        judged.predicted.push(predicted);
         judged.of_each.push((lost, gain));
-        models.push(without);
     }
     if let Some(extended) = extended {
         judged.by_channel = holdout.by_channel(base, &extended);
