@@ -24,32 +24,22 @@ pub mod calibration;
 pub mod demo;
 pub mod diagnosis;
 pub mod fleet;
-pub mod html;
 pub mod number;
 pub mod observation;
 
-mod bars;
 mod check;
-mod decimate;
 mod page;
 mod plan;
-mod plot;
-mod scatter;
-mod svg;
-mod table;
 pub mod verification;
 
 #[cfg(test)]
 mod tests;
 
-pub use bars::{Bar, BarChart, Tone};
 pub use check::check_page;
-pub use decimate::decimate;
-pub use page::{Page, Section};
+pub use page::{
+    Bar, BarChart, Cell, Colour, LinePlot, Page, Scatter, Section, Series, Stroke, Table, Tone, decimate, html,
+};
 pub use plan::plan_page;
-pub use plot::{Colour, LinePlot, Series, Stroke};
-pub use scatter::Scatter;
-pub use table::{Cell, Table};
 
 /// A result as JSON for people and programs, a line feed at the end.
 ///

@@ -4,8 +4,8 @@
 use firmware::motion::{Player, Step};
 use protocol::{Duty, MAX_JOINTS, Motion};
 
+use super::board::wires::Wires;
 use super::simulator::Drawn;
-use super::wires::Wires;
 use super::{Board, EffectTruth, Options, SimulateError};
 use crate::effect::TrueValue;
 use crate::recording::{GyroTime, MotionFile, Recorder, Recording, Row, Session, Source, Tick};

@@ -11,48 +11,37 @@
 //! seed; from the start of a motion on, a recording depends on nothing else.
 
 mod board;
-mod chip;
-mod describe;
 mod direct;
-mod encoder;
 mod error;
-mod flash;
-mod gyro_clock;
-mod line;
 mod loads;
-mod microcontroller;
 mod mistake;
 mod noise;
 mod options;
 mod plant;
-mod pty;
 mod rehearsal;
-mod session;
+mod serial;
 mod simulator;
 mod truth;
-mod wires;
 mod world;
 
 #[cfg(test)]
 mod tests;
 
-pub use board::Board;
-pub use chip::{Bmi323Chip, BoardClock, Icm42688pChip, Shared};
-pub use describe::description;
+pub use board::{Board, Microcontroller};
 pub use direct::{Direct, SHORT_MOTION};
 pub use error::SimulateError;
-pub use gyro_clock::GyroChips;
-pub use line::LineCounts;
-pub use microcontroller::Microcontroller;
 pub use mistake::Mistake;
 pub(crate) use options::parse_scale;
 pub use options::{EffectChoice, Fault, Options, Pace};
 pub use plant::{Plant, ProcessNoise, STEP_S};
 pub use rehearsal::{JointPeaks, Rehearsal};
-pub use session::FaultCounts;
+pub use serial::line::LineCounts;
+pub use serial::session::FaultCounts;
 pub use simulator::{Drawn, EffectTruth, SimulationReport, Simulator};
 pub use truth::Truth;
-pub use world::{GyroChip, World};
+pub use world::chip::{Bmi323Chip, BoardClock, Icm42688pChip, Shared};
+pub use world::describe::description;
+pub use world::{GyroChip, GyroChips, World};
 
 /// A tick.
 const TICK_NS: u64 = 1_000_000;

@@ -7,7 +7,7 @@ use protocol::message::{MAX_TO_DEVICE_FRAME, MAX_TO_HOST_FRAME, read_to_host, wr
 use protocol::request::Heartbeat;
 use protocol::{Command, EventKind, Motion, MotionEnd, MotionId, Report, State, ToDevice, ToHost};
 
-use super::wires::Wires;
+use super::board::wires::Wires;
 use super::{Board, Microcontroller, Plant, SimulateError, Truth, World};
 use crate::recording::{MotionFile, Recorder, Recording, Row, Session, Source, Tick};
 use crate::robot::{Robot, Symbol};

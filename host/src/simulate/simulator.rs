@@ -16,11 +16,11 @@ use std::time::{Duration, Instant};
 use serde::Serialize;
 
 use super::board::Board;
-use super::gyro_clock::{self, GyroChips};
 use super::noise::{Purpose, stream};
 use super::options::EffectChoice;
-use super::pty::Pty;
-use super::session::{FaultCounts, Session};
+use super::serial::pty::Pty;
+use super::serial::session::{FaultCounts, Session};
+use super::world::gyro_clock::{self, GyroChips};
 use super::{Microcontroller, Options, Pace, Plant, ProcessNoise, SimulateError, Truth, World};
 use crate::effect::{Hidden, TrueValue};
 

@@ -4,8 +4,8 @@ use std::f64::consts::TAU;
 
 use protocol::{EncoderInfo, Side};
 
-use super::noise::Noise;
 use crate::robot::{JointKind, Robot, Sensor};
+use crate::simulate::noise::Noise;
 
 /// An encoder: what it sits on, its scale, its noise.
 #[derive(Debug, Clone)]

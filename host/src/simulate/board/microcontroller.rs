@@ -2,7 +2,7 @@
 
 use protocol::{Layout, State};
 
-use super::SimulateError;
+use crate::simulate::SimulateError;
 
 /// A microcontroller that runs the firmware, one tick after the other.
 pub trait Microcontroller: Send {

@@ -7,6 +7,10 @@
 //!                                                     bytes out ▼ │ bytes in
 //! ```
 
+mod flash;
+mod microcontroller;
+pub(super) mod wires;
+
 use std::path::Path;
 
 use firmware::description::{EncoderPlace, GyroPlace, Hardware};
@@ -16,13 +20,13 @@ use firmware::wiring::data_ready::DataReady;
 use firmware::{Config, ControlCore, ControlLoop, GyroInput, Inputs};
 use protocol::{Duty, EncoderInfo, GyroInfo, MAX_JOINTS, ResetReason, State};
 
-use super::SimulateError;
-use super::chip::{Bmi323Chip, BoardClock, Icm42688pChip, Shared};
-use super::describe::description;
-use super::flash::Flash;
-use super::microcontroller::Microcontroller;
-use super::world::{GyroChip, World};
 use crate::robot::Robot;
+use crate::simulate::SimulateError;
+use crate::simulate::world::chip::{Bmi323Chip, BoardClock, Icm42688pChip, Shared};
+use crate::simulate::world::describe::description;
+use crate::simulate::world::{GyroChip, World};
+use flash::Flash;
+pub use microcontroller::Microcontroller;
 
 /// How long the simulated processor needs for a tick, µs. It reports this and has no other influence.
 const EXECUTION_US: u32 = 20;

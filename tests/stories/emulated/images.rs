@@ -60,7 +60,7 @@ fn the_images_fit_their_budgets() {
 /// What the firmware's README says of a board's image: flash and RAM without stack, bytes. Measured with Rust 1.95; another
 /// compiler moves them by a few per cent.
 fn told(board: &str) -> [u64; 2] {
-    let readme = include_str!("../../firmware/README.md");
+    let readme = include_str!("../../../firmware/README.md");
     let row = readme.lines().find_map(|line| line.strip_prefix(&format!("| {board} | "))).expect("a row of the table");
     let mut figures = row.split(" | ").map(|figure| figure.replace(',', "").parse().expect("bytes"));
     std::array::from_fn(|_| figures.next().expect("flash and RAM"))

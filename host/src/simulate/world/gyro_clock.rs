@@ -10,9 +10,9 @@ use std::f64::consts::{SQRT_2, TAU};
 
 use rand::RngExt;
 
-use super::noise::{Purpose, stream};
 use crate::effect::{Hidden, Line, Physics};
 use crate::robot::{Robot, Vector3};
+use crate::simulate::noise::{Purpose, stream};
 
 /// What the gyros of a simulated robot are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -36,7 +36,7 @@ const CUT_OFF_HZ: [f64; 2] = [225.0, 400.0];
 
 /// The clock of one gyro.
 #[derive(Debug, Clone)]
-pub(super) struct GyroClock {
+pub(in crate::simulate) struct GyroClock {
     /// True over nominal rate.
     rate: f64,
     /// Where its first conversion lies in a period.
@@ -78,7 +78,7 @@ struct GyroFilter {
 }
 
 /// The filters of a robot's gyros, as a seed draws them, in the plant.
-pub(super) fn filter(robot: &Robot, seed: u64) -> Hidden {
+pub(in crate::simulate) fn filter(robot: &Robot, seed: u64) -> Hidden {
     let mut rng = stream(seed, Purpose::GyroFilter);
     let cut_off = robot.gyros().map(|_| TAU * rng.random_range(CUT_OFF_HZ[0]..CUT_OFF_HZ[1])).collect();
     Hidden { id: "gyro_filter", values: Vec::new(), physics: Box::new(GyroFilter { cut_off }) }

@@ -14,7 +14,7 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 
-use super::noise::{Purpose, stream};
+use crate::simulate::noise::{Purpose, stream};
 
 /// What the line did.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]

@@ -1,8 +1,8 @@
 //! Bar charts: one row a candidate or a channel, lying, so that names stay readable.
 
 use super::html::Html;
-use super::number::{percent, significant};
 use super::svg::{Scale, coordinate, label, line, tick_label};
+use crate::report::number::{percent, significant};
 
 /// What a bar means to the reader.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

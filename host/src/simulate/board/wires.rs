@@ -10,7 +10,7 @@ use super::Board;
 use crate::robot::{ChannelKind, Robot};
 
 /// From the pins to the robot's channels.
-pub(super) struct Wires {
+pub(in crate::simulate) struct Wires {
     /// Motor encoder of each joint.
     motor_encoders: Vec<usize>,
     /// Scale of each of them, counts per rad or m.

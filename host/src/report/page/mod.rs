@@ -1,10 +1,20 @@
-//! The page and its sections.
+//! The page, its sections, and what they are made of: tables, charts, HTML.
 
-use super::bars::{BarChart, Tone};
-use super::html::Html;
-use super::plot::LinePlot;
-use super::scatter::Scatter;
-use super::table::Table;
+mod bars;
+mod decimate;
+pub mod html;
+mod plot;
+mod scatter;
+mod svg;
+mod table;
+
+pub use bars::{Bar, BarChart, Tone};
+pub use decimate::decimate;
+pub use plot::{Colour, LinePlot, Series, Stroke};
+pub use scatter::Scatter;
+pub use table::{Cell, Table};
+
+use html::Html;
 
 /// A whole page: title, one sentence that says what came out, facts, sections.
 #[derive(Debug, Clone, Default)]
@@ -211,8 +221,8 @@ fn figure(h: &mut Html, class: &str, title: &str, caption: &str, inside: impl Fn
 }
 
 // uPlot 1.6.32 as published; its licence travels in every page.
-const UPLOT_JS: &str = include_str!("assets/uplot-1.6.32/uPlot.iife.min.js");
-const UPLOT_CSS: &str = include_str!("assets/uplot-1.6.32/uPlot.min.css");
-const UPLOT_LICENSE: &str = include_str!("assets/uplot-1.6.32/LICENSE");
-const PAGE_JS: &str = include_str!("assets/page.js");
-const PAGE_CSS: &str = include_str!("assets/page.css");
+const UPLOT_JS: &str = include_str!("../assets/uplot-1.6.32/uPlot.iife.min.js");
+const UPLOT_CSS: &str = include_str!("../assets/uplot-1.6.32/uPlot.min.css");
+const UPLOT_LICENSE: &str = include_str!("../assets/uplot-1.6.32/LICENSE");
+const PAGE_JS: &str = include_str!("../assets/page.js");
+const PAGE_CSS: &str = include_str!("../assets/page.css");

@@ -1,7 +1,7 @@
 //! What the SVG charts share: a scale with round ticks, and text that needs no measuring.
 
 use super::html::Html;
-use super::number::significant;
+use crate::report::number::significant;
 
 /// Maps values to pixels, linearly or by decades.
 #[derive(Debug, Clone, Copy)]

@@ -6,10 +6,15 @@
 //!                  └─▶ BMI323 ◀───── I²C ─▶                      pass(duty)     the rest of the millisecond
 //! ```
 //!
-//! Real gyros ([`GyroChips::Real`](super::GyroChips)) convert in both halves, whenever their clocks say so, and a board reads what was converted last.
+//! Real gyros ([`GyroChips::Real`]) convert in both halves, whenever their clocks say so, and a board reads what was converted last.
 //!
-//! Which microcontroller stands at the pins is not the world's business: [`Board`](super::Board) runs the firmware's
+//! Which microcontroller stands at the pins is not the world's business: [`Board`](crate::simulate::Board) runs the firmware's
 //! control core on this machine, and an emulator runs the image that is flashed.
+
+pub(super) mod chip;
+pub(super) mod describe;
+mod encoder;
+pub(super) mod gyro_clock;
 
 use embedded_hal::i2c::I2c as _;
 use embedded_hal::spi::SpiDevice as _;
@@ -20,14 +25,15 @@ use firmware::driver::{
 use protocol::description::GyroPart;
 use protocol::{EncoderInfo, GyroInfo, MAX_ENCODERS, MAX_GYROS, MAX_JOINTS, Side};
 
-use super::chip::{Bmi323Chip, BoardClock, Icm42688pChip, Shared};
-use super::describe::{encoders, gyro_range, suits, usual_part};
-use super::encoder::EncoderChip;
-use super::gyro_clock::GyroClock;
-use super::noise::Noise;
-use super::plant::Plant;
-use super::{Mistake, SimulateError, TICK_NS, TICK_S};
 use crate::robot::{self, Robot};
+use crate::simulate::noise::Noise;
+use crate::simulate::plant::Plant;
+use crate::simulate::{Mistake, SimulateError, TICK_NS, TICK_S};
+use chip::{Bmi323Chip, BoardClock, Icm42688pChip, Shared};
+use describe::{encoders, gyro_range, suits, usual_part};
+use encoder::EncoderChip;
+pub use gyro_clock::GyroChips;
+use gyro_clock::GyroClock;
 
 /// A robot and what is soldered to it.
 #[derive(Debug)]

@@ -7,9 +7,9 @@ use protocol::units::text;
 use protocol::{Duty, Layout};
 
 use super::encoder::EncoderChip;
-use super::loads::Loads;
-use super::{SimulateError, TICK_S, Truth};
 use crate::robot::{InputUnit, Joint, JointKind, Robot, Sensor, Symbol};
+use crate::simulate::loads::Loads;
+use crate::simulate::{SimulateError, TICK_S, Truth};
 
 /// The description of this robot that a device stores and runs.
 ///
@@ -72,12 +72,12 @@ pub fn description(robot: &Robot) -> Result<Description, SimulateError> {
 }
 
 /// The part in this place where the description file names none: as the boards have them, one on SPI, one on I²C.
-pub(super) fn usual_part(gyro: usize) -> GyroPart {
+pub(in crate::simulate) fn usual_part(gyro: usize) -> GyroPart {
     if gyro.is_multiple_of(2) { GyroPart::Icm42688p } else { GyroPart::Bmi323 }
 }
 
 /// Whether the firmware has inputs, a period and sensors as the robot's.
-pub(super) fn suits(robot: &Robot) -> Result<(), SimulateError> {
+pub(in crate::simulate) fn suits(robot: &Robot) -> Result<(), SimulateError> {
     if robot.input.unit != InputUnit::Duty {
         return Err(unsuited("the firmware drives motors by duty, the description has another input"));
     }
@@ -91,13 +91,13 @@ pub(super) fn suits(robot: &Robot) -> Result<(), SimulateError> {
 }
 
 /// The encoders of the robot, in the sample's order.
-pub(super) fn encoders(robot: &Robot) -> Result<Vec<EncoderChip>, SimulateError> {
+pub(in crate::simulate) fn encoders(robot: &Robot) -> Result<Vec<EncoderChip>, SimulateError> {
     EncoderChip::of_robot(robot)
         .map_err(|joint| unsuited(&format!("the encoder of joint {joint} needs its counts_per_turn")))
 }
 
 /// The range that the description names, which must be one that the firmware knows and the same for all gyros.
-pub(super) fn gyro_range(robot: &Robot) -> Result<GyroRange, SimulateError> {
+pub(in crate::simulate) fn gyro_range(robot: &Robot) -> Result<GyroRange, SimulateError> {
     let mut ranges = robot.gyros().filter_map(|gyro| gyro.range_rad_s);
     let Some(wanted) = ranges.next() else { return Ok(GyroRange::default()) };
     let dps = wanted.to_degrees();

@@ -7,7 +7,7 @@ use protocol::{State, ToDevice, ToHost};
 use serde::Serialize;
 
 use super::line::{Line, LineCounts};
-use super::{Fault, Microcontroller, SimulateError};
+use crate::simulate::{Fault, Microcontroller, SimulateError};
 
 /// Bytes that wait for the host in the simulation's own hands; a host that takes no more stalls the line.
 const ROOM: usize = 4096;
@@ -37,7 +37,7 @@ pub struct FaultCounts {
 }
 
 /// A board and its line.
-pub(super) struct Session {
+pub(in crate::simulate) struct Session {
     board: Box<dyn Microcontroller>,
     line: Line,
     faults: Vec<Fault>,
