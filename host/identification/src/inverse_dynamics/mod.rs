@@ -15,7 +15,7 @@ mod robust;
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::model::{Input, Model};
+use crate::model::{Dynamics, Input, Model};
 pub use corner::{Cornered, HIGHEST_CORNER, corner};
 use lowpass::Lowpass;
 pub use robust::Loss;
@@ -65,6 +65,13 @@ pub struct Motion {
     corner: f64,
     /// Of so many samples one is kept.
     decimation: usize,
+}
+
+/// The torques that links need along a motion, of each run `[k · joints + j]`: most parameters change the drives alone.
+struct Needed<'m> {
+    /// Whose links.
+    of: Dynamics<'m>,
+    runs: Vec<Vec<f64>>,
 }
 
 /// Parameters by least squares of torques.
@@ -125,13 +132,15 @@ impl Motion {
     /// What the motors' torques miss at `z`, filtered and decimated, joint by joint; without the motors' torque where `driven` is false. The model has no
     /// elastic joints, no states of laws and no errors of inputs.
     pub fn missing(&self, model: &Model, z: &[f64], driven: bool) -> Vec<Vec<f64>> {
-        self.every(self.decimation, model, z, driven)
+        let needed = self.needed(model.at(z));
+        self.every(self.decimation, &needed.of, &needed, driven)
     }
 
     /// Standard deviation of what the motors' torques miss at `z`, joint by joint, with all that inputs have of noise; a few torques that are missed by far do
     /// not count.
     pub fn missing_scale(&self, model: &Model, z: &[f64]) -> Vec<f64> {
-        self.every(1, model, z, true).iter().map(|missing| robust::scale(missing)).collect()
+        let needed = self.needed(model.at(z));
+        self.every(1, &needed.of, &needed, true).iter().map(|missing| robust::scale(missing)).collect()
     }
 
     /// Of each joint, whether torques that are known set the scale of the others, as those of a body's weight do: with all parameters zero more is missing than at `z`.
@@ -140,20 +149,44 @@ impl Motion {
         known.iter().zip(self.missing_scale(model, z)).map(|(known, left)| *known > left).collect()
     }
 
-    fn every(&self, decimation: usize, model: &Model, z: &[f64], driven: bool) -> Vec<Vec<f64>> {
+    /// What links need along the motion.
+    fn needed<'m>(&self, of: Dynamics<'m>) -> Needed<'m> {
+        let n = self.joints;
+        let along = |run: &Run| {
+            let mut needed = vec![0.0; run.accelerations.len()];
+            for (k, needed) in needed.chunks_exact_mut(n).enumerate() {
+                let accelerations = &run.accelerations[k * n..(k + 1) * n];
+                of.needed_torque(&run.states[2 * k * n..2 * (k + 1) * n], accelerations, needed);
+            }
+            needed
+        };
+        let runs = self.runs.iter().map(along).collect();
+        Needed { of, runs }
+    }
+
+    /// [`Self::missing`] at other coordinates, whose links may be those of `needed`.
+    fn missing_beside(&self, model: &Model, z: &[f64], needed: &Needed<'_>) -> Vec<Vec<f64>> {
         let dynamics = model.at(z);
+        if dynamics.has_links_of(&needed.of) {
+            return self.every(self.decimation, &dynamics, needed, true);
+        }
+        self.missing(model, z, true)
+    }
+
+    fn every(&self, decimation: usize, dynamics: &Dynamics<'_>, needed: &Needed<'_>, driven: bool) -> Vec<Vec<f64>> {
         let n = self.joints;
         let mut out = vec![Vec::with_capacity(self.rows()); n];
         let nothing = vec![0.0; n];
         let decimate = (decimation > 1).then(|| Lowpass::chebyshev(0.5 * DECIMATION_SHARE / decimation as f64));
-        for run in &self.runs {
+        for (run, needed) in self.runs.iter().zip(&needed.runs) {
             let mut columns = vec![Vec::with_capacity(run.time_s.len()); n];
             let mut missing = vec![0.0; n];
             for (k, &time_s) in run.time_s.iter().enumerate() {
                 let u = if driven { &run.inputs[k * n..(k + 1) * n] } else { &nothing };
                 let input = Input { u, by_delay: &[], time_s };
                 let accelerations = &run.accelerations[k * n..(k + 1) * n];
-                dynamics.missing_torque(&run.states[2 * k * n..2 * (k + 1) * n], input, accelerations, &mut missing);
+                let x = &run.states[2 * k * n..2 * (k + 1) * n];
+                dynamics.missing_of(&needed[k * n..(k + 1) * n], (x, input), accelerations, &mut missing);
                 columns.iter_mut().zip(&missing).for_each(|(column, missing)| column.push(*missing));
             }
             for (out, column) in out.iter_mut().zip(columns) {
@@ -172,7 +205,8 @@ impl Motion {
         let mut z = z.to_vec();
         let mut covariance = DMatrix::zeros(unknowns, unknowns);
         for _ in 0..ROUNDS {
-            let missing = self.missing(model, &z, true);
+            let needed = self.needed(model.at(&z));
+            let missing = self.every(self.decimation, &needed.of, &needed, true);
             let size = |m: &[f64]| {
                 let scale = if loss == Loss::Bisquare { robust::scale(m) } else { 0.0 };
                 if scale > 0.0 { scale } else { norm(m) / (m.len() as f64).sqrt() }
@@ -189,7 +223,8 @@ impl Motion {
                 let by = 1e-2 * z[i].abs().max(1e-2);
                 let mut moved = z.clone();
                 moved[i] += by;
-                let column = (DVector::from_vec(weighted(&self.missing(model, &moved, true))) - &residual) / by;
+                let column =
+                    (DVector::from_vec(weighted(&self.missing_beside(model, &moved, &needed))) - &residual) / by;
                 scale[i] = column.norm().max(f64::MIN_POSITIVE);
                 columns.set_column(i, &(column / scale[i]));
             }

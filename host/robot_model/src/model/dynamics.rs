@@ -201,7 +201,7 @@ impl<'m> Dynamics<'m> {
         let input = input.into();
         let m = self.model.layout.chain();
         let (q, qd) = (&x[..m], &x[m..2 * m]);
-        let mut torques = self.torques(x, &input, links, xdot);
+        let mut torques = self.torques(x, &input, &links.bias, xdot);
         links.inertia(m, &torques.rigid_inertia).solve(m, &mut torques.right);
         xdot[..m].copy_from_slice(qd);
         xdot[m..2 * m].copy_from_slice(&torques.right[..m]);
@@ -219,22 +219,36 @@ impl<'m> Dynamics<'m> {
 
     /// What the links' torques miss of what these accelerations of the chain need, `A a + c + g − τ`: zero along the model's own motion.
     pub fn missing_torque<'i>(&self, x: &[f64], input: impl Into<Input<'i>>, acceleration: &[f64], out: &mut [f64]) {
-        let input = input.into();
+        let mut needed = [0.0; MAX_JOINTS];
+        let needed = &mut needed[..self.model.layout.chain()];
+        self.needed_torque(x, acceleration, needed);
+        self.missing_of(needed, (x, input.into()), acceleration, out);
+    }
+
+    /// The torques that the links need for these accelerations of the chain, `M a + c + g`, whatever drives and laws do.
+    pub fn needed_torque(&self, x: &[f64], acceleration: &[f64], out: &mut [f64]) {
         let m = self.model.layout.chain();
-        let mut xdot = vec![0.0; x.len()];
         let links = self.links_at(x);
-        let torques = self.torques(x, &input, &links, &mut xdot);
         for (i, out) in out[..m].iter_mut().enumerate() {
             let by_mass: f64 = links.mass[i * m..(i + 1) * m].iter().zip(acceleration).map(|(mass, a)| mass * a).sum();
-            *out = by_mass + torques.rigid_inertia[i] * acceleration[i] - torques.right[i];
+            *out = by_mass + links.bias[i];
         }
     }
 
-    /// The torques on the links; θ̇, θ̈ and the rates of the laws' own states go into `xdot`.
-    fn torques(&self, x: &[f64], input: &Input<'_>, links: &LinksAt, xdot: &mut [f64]) -> Torques {
+    /// [`Self::missing_torque`] where [`Self::needed_torque`] is known.
+    pub fn missing_of(&self, needed: &[f64], (x, input): (&[f64], Input<'_>), acceleration: &[f64], out: &mut [f64]) {
+        let mut xdot = vec![0.0; x.len()];
+        let torques = self.torques(x, &input, needed, &mut xdot);
+        for (i, out) in out[..needed.len()].iter_mut().enumerate() {
+            *out = torques.rigid_inertia[i] * acceleration[i] - torques.right[i];
+        }
+    }
+
+    /// The torques on the links besides `bias`; θ̇, θ̈ and the rates of the laws' own states go into `xdot`.
+    fn torques(&self, x: &[f64], input: &Input<'_>, bias: &[f64], xdot: &mut [f64]) -> Torques {
         let layout = &self.model.layout;
         let (n, m) = (layout.joints(), layout.chain());
-        let mut torques = self.passive(&x[..m], &x[m..2 * m], links);
+        let mut torques = self.passive(&x[..m], &x[m..2 * m], bias);
         let volts = self.supply(x, input).map_or(self.model.drives[0].input_scale, |volts| volts.re);
         for i in 0..n {
             let mut rates = [0.0; MOST_VARIABLES];
@@ -273,7 +287,7 @@ impl<'m> Dynamics<'m> {
         out.slopes.resize(size * columns, 0.0);
         let (q, qd) = (&x[..m], &x[m..2 * m]);
         let links = self.links_at(x);
-        let mut torques = self.passive(q, qd, &links);
+        let mut torques = self.passive(q, qd, &links.bias);
         let mut volts = self.model.drives[0].input_scale;
         if let Some(supply) = self.supply(x, input) {
             volts = supply.re;
@@ -416,8 +430,9 @@ impl<'m> Dynamics<'m> {
     }
 
     /// −(c + g) and the passive joints' springs and dampers.
-    fn passive(&self, q: &[f64], qd: &[f64], links: &LinksAt) -> Torques {
-        let mut right = links.bias.map(|bias| -bias);
+    fn passive(&self, q: &[f64], qd: &[f64], bias: &[f64]) -> Torques {
+        let mut right = [0.0; MAX_JOINTS];
+        right.iter_mut().zip(bias).for_each(|(right, bias)| *right = -bias);
         for &Passive { joint: i, stiffness, damping, .. } in &self.passive {
             right[i] -= stiffness * q[i] + damping * qd[i];
         }

@@ -5,6 +5,9 @@
 //! ```text
 //! s: scale of the torques of the speeds, m: a mass       (1 − s)(1 · without + m · mass without) + s (1 · with + m · mass with)
 //! ```
+//! A torque is linear in the bodies too. So chains that differ by nothing else are one chain with the weighted bodies of all.
+
+use std::borrow::Cow;
 
 use super::number::expression::Expression;
 use crate::robot::chain::{Chain, MAX_JOINTS};
@@ -27,7 +30,17 @@ pub(super) struct Links {
 /// [`Links`] at given parameters.
 #[derive(Debug, Clone)]
 pub(super) struct WeightedLinks<'m> {
+    /// What they come to: a chain with the bodies of all, or one without and one with torques of the speeds where these are scaled.
+    sums: Vec<Sum<'m>>,
+    /// Chains that depend on coordinates.
     terms: Vec<Term<'m>>,
+}
+
+#[derive(Debug, Clone)]
+struct Sum<'m> {
+    chain: Cow<'m, Chain>,
+    /// M and c + g, where they are the same everywhere.
+    constant: Option<Constant>,
 }
 
 #[derive(Debug, Clone)]
@@ -35,7 +48,6 @@ struct Term<'m> {
     chain: &'m Chain,
     /// M and c + g, where they are the same everywhere.
     constant: Option<Constant>,
-    weight: f64,
     /// (coordinate, ∂weight).
     slopes: Vec<(usize, f64)>,
 }
@@ -57,9 +69,21 @@ impl Constant {
             Constant { mass, bias }
         })
     }
+
+    /// M a + c + g.
+    fn torque(&self, a: &[f64], out: &mut [f64]) {
+        for ((torque, row), bias) in out.iter_mut().zip(self.mass.chunks_exact(a.len())).zip(&self.bias) {
+            *torque = bias + row.iter().zip(a).map(|(mass, a)| mass * a).sum::<f64>();
+        }
+    }
 }
 
-impl Term<'_> {
+impl<'m> Sum<'m> {
+    fn of(chain: Cow<'m, Chain>) -> Self {
+        let constant = Constant::of(&chain);
+        Sum { chain, constant }
+    }
+
     fn mass_matrix(&self, q: &[f64], out: &mut [f64]) {
         match &self.constant {
             Some(constant) => out.copy_from_slice(&constant.mass),
@@ -74,15 +98,24 @@ impl Term<'_> {
         }
     }
 
-    /// M a + c + g and its derivatives by q and q̇ at constant accelerations a.
-    fn derivatives(&self, [q, qd, a]: [&[f64]; 3], torque: &mut [f64], by_q: &mut [f64], by_qd: &mut [f64]) {
-        let Some(Constant { mass, bias }) = &self.constant else {
-            return self.chain.link_torque_derivatives(q, qd, a, torque, by_q, by_qd);
-        };
-        by_q.fill(0.0);
-        by_qd.fill(0.0);
-        for ((torque, row), bias) in torque.iter_mut().zip(mass.chunks_exact(a.len())).zip(bias) {
-            *torque = bias + row.iter().zip(a).map(|(mass, a)| mass * a).sum::<f64>();
+    /// The derivatives of M a + c + g by q and q̇ at constant accelerations a.
+    fn derivatives(&self, [q, qd, a]: [&[f64]; 3], by_q: &mut [f64], by_qd: &mut [f64]) {
+        if self.constant.is_some() {
+            by_q.fill(0.0);
+            by_qd.fill(0.0);
+            return;
+        }
+        let mut torque = [0.0; MAX_JOINTS];
+        self.chain.link_torque_derivatives(q, qd, a, &mut torque[..q.len()], by_q, by_qd);
+    }
+}
+
+impl Term<'_> {
+    /// M a + c + g.
+    fn torque(&self, [q, qd, a]: [&[f64]; 3], out: &mut [f64]) {
+        match &self.constant {
+            Some(constant) => constant.torque(a, out),
+            None => self.chain.link_torque(q, qd, a, out),
         }
     }
 }
@@ -155,90 +188,175 @@ impl Links {
             Factor::Times(i) => z[i],
             Factor::Without(i) => 1.0 - z[i],
         };
-        let terms = self.terms.iter().map(|(chain, factors)| {
-            let slopes = factors.iter().enumerate().map(|(k, factor)| {
+        let weight = |factors: &[Factor]| factors.iter().map(value).product::<f64>();
+        let slopes = |factors: &[Factor]| {
+            let slope = |(k, factor): (usize, &Factor)| {
                 let others: f64 = factors.iter().enumerate().filter(|(l, _)| *l != k).map(|(_, f)| value(f)).product();
                 match *factor {
                     Factor::Times(i) => (i, others),
                     Factor::Without(i) => (i, -others),
                 }
-            });
-            let weight = factors.iter().map(value).product();
-            Term { chain, constant: Constant::of(chain), weight, slopes: slopes.collect() }
-        });
-        WeightedLinks { terms: terms.collect() }
+            };
+            factors.iter().enumerate().map(slope).collect()
+        };
+        let [(only, factors)] = &self.terms[..] else {
+            let with_coriolis = |coriolis: bool| {
+                let mut of = self.terms.iter().filter(|(chain, _)| chain.has_coriolis() == coriolis).peekable();
+                let (first, _) = of.peek()?;
+                Some(first.with_bodies_of(of.map(|(chain, factors)| (weight(factors), chain))))
+            };
+            let sums = [false, true].into_iter().filter_map(with_coriolis).map(|chain| Sum::of(Cow::Owned(chain)));
+            let terms = self.terms.iter().filter(|(_, factors)| !factors.is_empty());
+            let terms =
+                terms.map(|(chain, factors)| Term { chain, constant: Constant::of(chain), slopes: slopes(factors) });
+            return WeightedLinks { sums: sums.collect(), terms: terms.collect() };
+        };
+        debug_assert!(factors.is_empty(), "the bodies as described depend on nothing");
+        WeightedLinks { sums: vec![Sum::of(Cow::Borrowed(only))], terms: Vec::new() }
     }
 }
 
 impl WeightedLinks<'_> {
     /// Whether M, c and g are those of others at every q and q̇.
     pub(super) fn equal(&self, others: &WeightedLinks<'_>) -> bool {
-        let same = |(a, b): (&Term<'_>, &Term<'_>)| a.weight == b.weight && a.chain == b.chain;
-        self.terms.len() == others.terms.len() && self.terms.iter().zip(&others.terms).all(same)
+        let same = |(a, b): (&Sum<'_>, &Sum<'_>)| a.chain == b.chain;
+        self.sums.len() == others.sums.len() && self.sums.iter().zip(&others.sums).all(same)
     }
 
     /// M(q), m × m by rows.
     pub(super) fn mass_matrix(&self, q: &[f64], out: &mut [f64]) {
-        let [only] = &self.terms[..] else {
+        let [first, rest @ ..] = &self.sums[..] else { return out.fill(0.0) };
+        first.mass_matrix(q, out);
+        for sum in rest {
             let mut one = [0.0; MAX_JOINTS * MAX_JOINTS];
-            out.fill(0.0);
-            for term in &self.terms {
-                term.mass_matrix(q, &mut one[..out.len()]);
-                add(out, term.weight, &one);
-            }
-            return;
-        };
-        only.mass_matrix(q, out);
+            sum.mass_matrix(q, &mut one[..out.len()]);
+            add(out, &one);
+        }
     }
 
     /// c(q, q̇) + g(q).
     pub(super) fn bias_torque(&self, q: &[f64], qd: &[f64], out: &mut [f64]) {
-        let [only] = &self.terms[..] else {
+        let [first, rest @ ..] = &self.sums[..] else { return out.fill(0.0) };
+        first.bias_torque(q, qd, out);
+        for sum in rest {
             let mut one = [0.0; MAX_JOINTS];
-            out.fill(0.0);
-            for term in &self.terms {
-                term.bias_torque(q, qd, &mut one[..out.len()]);
-                add(out, term.weight, &one);
-            }
-            return;
-        };
-        only.bias_torque(q, qd, out);
+            sum.bias_torque(q, qd, &mut one[..out.len()]);
+            add(out, &one);
+        }
     }
 
     /// The derivatives of M a + c + g at constant accelerations a by q and q̇ (m × m by rows), and by coordinates through `by_z(joint, coordinate,
     /// slope)`.
     pub(super) fn derivatives(
         &self,
-        [q, qd, a]: [&[f64]; 3],
+        at: [&[f64]; 3],
         by_q: &mut [f64],
         by_qd: &mut [f64],
         mut by_z: impl FnMut(usize, usize, f64),
     ) {
-        let m = q.len();
-        let mut torque = [0.0; MAX_JOINTS];
-        let [only] = &self.terms[..] else {
+        let m = at[0].len();
+        let [first, rest @ ..] = &self.sums[..] else { return };
+        first.derivatives(at, by_q, by_qd);
+        for sum in rest {
             let (mut q_slopes, mut qd_slopes) = ([0.0; MAX_JOINTS * MAX_JOINTS], [0.0; MAX_JOINTS * MAX_JOINTS]);
-            by_q.fill(0.0);
-            by_qd.fill(0.0);
-            for term in &self.terms {
-                let slopes = (&mut q_slopes[..m * m], &mut qd_slopes[..m * m]);
-                term.derivatives([q, qd, a], &mut torque[..m], slopes.0, slopes.1);
-                add(by_q, term.weight, &q_slopes);
-                add(by_qd, term.weight, &qd_slopes);
-                for &(coordinate, slope) in &term.slopes {
-                    for (joint, torque) in torque[..m].iter().enumerate() {
-                        by_z(joint, coordinate, slope * torque);
-                    }
+            sum.derivatives(at, &mut q_slopes[..m * m], &mut qd_slopes[..m * m]);
+            add(by_q, &q_slopes);
+            add(by_qd, &qd_slopes);
+        }
+        for term in &self.terms {
+            let mut torque = [0.0; MAX_JOINTS];
+            term.torque(at, &mut torque[..m]);
+            for &(coordinate, slope) in &term.slopes {
+                for (joint, torque) in torque[..m].iter().enumerate() {
+                    by_z(joint, coordinate, slope * torque);
                 }
             }
-            return;
-        };
-        only.derivatives([q, qd, a], &mut torque[..m], by_q, by_qd);
+        }
     }
 }
 
-fn add(to: &mut [f64], weight: f64, from: &[f64]) {
+fn add(to: &mut [f64], from: &[f64]) {
     for (to, from) in to.iter_mut().zip(from) {
-        *to += weight * from;
+        *to += from;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::robot::{Robot, Symbol};
+
+    /// Three bodies, five moments that are coordinates, torques of the speeds scaled or not: M a + c + g and its derivatives against the weighted sum of the
+    /// chains, one by one. rtol 1e-12 of the largest torque.
+    #[test]
+    fn a_chain_with_the_bodies_of_all_is_the_weighted_sum_of_the_chains() {
+        let robot = Robot::builtin("doggy").unwrap();
+        let chain = robot.chain().with_coriolis(true);
+        let moments: Vec<_> = (0..3).map(|joint| (joint, Symbol::J)).collect();
+        let first = [0, 2].map(|joint| (joint, Symbol::FirstMoment { axis: 0 }));
+        for scaled in [false, true] {
+            let mut links = Links::of(chain.clone());
+            for (coordinate, &(joint, symbol)) in moments.iter().chain(&first).enumerate() {
+                links.add_mass(chain.massless().with_moment(joint, symbol, 1.0), coordinate);
+            }
+            if scaled {
+                links.scale_coriolis(5);
+            }
+            let z = [0.013, -0.002, 0.04, 0.3, -0.1, 0.7];
+            let (q, qd, a) = ([0.3, -0.5, 0.8], [1.1, -2.0, 0.7], [3.0, 5.0, -4.0]);
+            let value = |factor: &Factor| match *factor {
+                Factor::Times(i) => z[i],
+                Factor::Without(i) => 1.0 - z[i],
+            };
+            let mut expected = [0.0; 3];
+            for (chain, factors) in &links.terms {
+                let mut torque = [0.0; 3];
+                chain.link_torque(&q, &qd, &a, &mut torque);
+                let weight: f64 = factors.iter().map(value).product();
+                expected.iter_mut().zip(torque).for_each(|(sum, torque)| *sum += weight * torque);
+            }
+            let largest = expected.iter().fold(0.0f64, |most, torque| most.max(torque.abs()));
+            let torque = |z: &[f64], q: &[f64], qd: &[f64]| -> Vec<f64> {
+                let (at, mut mass, mut bias) = (links.at(z), [0.0; 9], [0.0; 3]);
+                at.mass_matrix(q, &mut mass);
+                at.bias_torque(q, qd, &mut bias);
+                let needs = |i: usize| bias[i] + (0..3).map(|j| mass[3 * i + j] * a[j]).sum::<f64>();
+                (0..3).map(needs).collect()
+            };
+            for (found, expected) in torque(&z, &q, &qd).iter().zip(expected) {
+                assert!((found - expected).abs() <= 1e-12 * largest, "{found} {expected}");
+            }
+            let (mut by_q, mut by_qd, mut by_z) = ([0.0; 9], [0.0; 9], [0.0; 18]);
+            links
+                .at(&z)
+                .derivatives([&q, &qd, &a], &mut by_q, &mut by_qd, |joint, i, slope| by_z[6 * joint + i] += slope);
+            // Central differences: rtol 1e-8 of the largest torque.
+            let step = 1e-5;
+            let difference = |of: &dyn Fn(f64) -> Vec<f64>| -> Vec<f64> {
+                of(step).iter().zip(of(-step)).map(|(more, less)| (more - less) / (2.0 * step)).collect()
+            };
+            let moved = |x: &[f64], i: usize, by: f64| {
+                let mut x = x.to_vec();
+                x[i] += by;
+                x
+            };
+            for i in 0..3 {
+                let by = [
+                    difference(&|by| torque(&z, &moved(&q, i, by), &qd)),
+                    difference(&|by| torque(&z, &q, &moved(&qd, i, by))),
+                ];
+                for joint in 0..3 {
+                    for (by, slopes) in by.iter().zip([&by_q, &by_qd]) {
+                        assert!((by[joint] - slopes[3 * joint + i]).abs() <= 1e-8 * largest, "{joint} {i}");
+                    }
+                }
+            }
+            for i in 0..6 {
+                let by = difference(&|by| torque(&moved(&z, i, by), &q, &qd));
+                for joint in 0..3 {
+                    assert!((by[joint] - by_z[6 * joint + i]).abs() <= 1e-8 * largest, "{joint} {i}");
+                }
+            }
+        }
     }
 }

@@ -64,6 +64,17 @@ struct Symmetric<T> {
     yz: T,
 }
 
+impl Symmetric<f64> {
+    fn add(&mut self, weight: f64, other: &Self) {
+        self.xx += weight * other.xx;
+        self.yy += weight * other.yy;
+        self.zz += weight * other.zz;
+        self.xy += weight * other.xy;
+        self.xz += weight * other.xz;
+        self.yz += weight * other.yz;
+    }
+}
+
 impl Chain {
     pub(super) fn of(robot: &Robot) -> Self {
         let mut previous_to_body = IDENTITY;
@@ -173,6 +184,21 @@ impl Chain {
             ..Link::massless(link.to_body)
         });
         Self { links: links.collect(), ..*self }
+    }
+
+    /// The same joints with the bodies of these chains together, each so many times: its torques are the weighted sum of theirs. They are alike but for their
+    /// bodies.
+    #[must_use]
+    pub fn with_bodies_of<'c>(&self, chains: impl Iterator<Item = (f64, &'c Chain)>) -> Self {
+        let mut sum = self.massless();
+        for (weight, chain) in chains {
+            for (to, from) in sum.links.iter_mut().zip(&chain.links) {
+                to.mass_kg += weight * from.mass_kg;
+                to.first_moment = add(to.first_moment, vector::scale(from.first_moment, weight));
+                to.inertia.add(weight, &from.inertia);
+            }
+        }
+        sum
     }
 
     /// The same chain with or without Coriolis and centrifugal torques.
