@@ -87,7 +87,7 @@ pub fn outcome(case: &Case) -> Outcome {
 }
 
 /// Duty from which on a motor moves: bias windows are at zero, moves above.
-const MOVING_DUTY: f64 = 0.02;
+pub const MOVING_DUTY: f64 = 0.02;
 
 /// When the observer of `calibration` finds that the same robot has got a bearing in its base.
 fn bearing_event_s(calibration: &Calibration, case: &Case) -> Option<f64> {

@@ -36,21 +36,37 @@ pub fn image_of(kind: Kind) -> &'static Path {
         Kind::Emulated => (&EMULATED, "target/emulated", &["--features", "emulated"]),
     };
     place.get_or_init(|| {
-        let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the crate lies in the workspace");
-        let folder = root.join(folder);
-        let built = Command::new(env!("CARGO"))
-            .args(["build", "--quiet", "--locked", "-p", "firmware", "--bin", "firmware", "--release"])
-            .args(features)
-            .args(["--target", TARGET, "--target-dir"])
-            .arg(&folder)
-            .current_dir(root)
-            .output()
-            .expect("cargo runs the tests, so it can be started");
-        assert!(
-            built.status.success(),
-            "the image {kind:?} was not built (is the target there? rustup target add {TARGET}):\n{}",
-            String::from_utf8_lossy(&built.stderr)
-        );
-        folder.join(TARGET).join("release/firmware")
+        let arguments = [&["-p", "firmware", "--bin", "firmware"], features].concat();
+        built(folder, &arguments, None).join("firmware")
     })
+}
+
+/// Builds the image of the observer with the numbers of this Rust file and gives its path.
+///
+/// # Panics
+/// If it cannot be built.
+pub fn observer_image(numbers: &Path) -> PathBuf {
+    let arguments = ["-p", "observer", "--example", "on_chip"];
+    built("target/emulated", &arguments, Some(("OBSERVER_NUMBERS", numbers))).join("examples/on_chip")
+}
+
+/// Builds for the chip into this folder of the workspace, and gives where images are.
+fn built(folder: &str, arguments: &[&str], variable: Option<(&str, &Path)>) -> PathBuf {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the crate lies in the workspace");
+    let folder = root.join(folder);
+    let built = Command::new(env!("CARGO"))
+        .args(["build", "--quiet", "--locked", "--release"])
+        .args(arguments)
+        .args(["--target", TARGET, "--target-dir"])
+        .arg(&folder)
+        .envs(variable)
+        .current_dir(root)
+        .output()
+        .expect("cargo runs the tests, so it can be started");
+    assert!(
+        built.status.success(),
+        "the image of {arguments:?} was not built (is the target there? rustup target add {TARGET}):\n{}",
+        String::from_utf8_lossy(&built.stderr)
+    );
+    folder.join(TARGET).join("release")
 }

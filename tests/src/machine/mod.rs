@@ -39,8 +39,9 @@ use tempfile::TempDir;
 use crate::host;
 use controller::Machine;
 pub use fault::{FaultKind, TimedFault};
-pub use image::image;
+pub use image::{image, observer_image};
 pub use log::{Log, Period};
+pub use qemu::said;
 
 /// A motion of two seconds with a duty on some motor in nearly every tick: what stops it can be measured at once.
 pub const SWING: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/src/machine/swing.toml");

@@ -38,6 +38,30 @@ pub struct Qemu {
     read: Vec<u8>,
 }
 
+/// The emulated machine with an image.
+fn emulator(image: &Path) -> Command {
+    let mut command = Command::new(EMULATOR);
+    command
+        .args(["-M", "netduinoplus2", "-display", "none", "-kernel"])
+        .arg(image)
+        .args(["-semihosting-config", "enable=on,target=native"])
+        // 8 ns an instruction, and no waiting for the clock on the wall: the same run every time.
+        .args(["-icount", "shift=3,sleep=off"]);
+    command
+}
+
+/// What an image says that has no world around it, until its end.
+///
+/// # Panics
+/// If it does not end well, or there is no emulator.
+pub fn said(image: &Path) -> String {
+    let output = emulator(image).args(["-serial", "null"]).output();
+    let output = output.unwrap_or_else(|error| panic!("{EMULATOR}: {error}. Install it with:\n    {INSTALL}"));
+    let said = String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{said}");
+    said
+}
+
 impl Qemu {
     /// Starts an image.
     ///
@@ -54,12 +78,7 @@ impl Qemu {
         };
         let (to_world, from_world) = (open(TO_WORLD, OFlag::empty())?, open(FROM_WORLD, OFlag::empty())?);
         let usart = open(USART, OFlag::O_NONBLOCK)?;
-        let child = Command::new(EMULATOR)
-            .args(["-M", "netduinoplus2", "-display", "none", "-kernel"])
-            .arg(image)
-            .args(["-semihosting-config", "enable=on,target=native"])
-            // 8 ns an instruction, and no waiting for the clock on the wall: the same run every time.
-            .args(["-icount", "shift=3,sleep=off"])
+        let child = emulator(image)
             .args(["-serial", &format!("file:{USART}")])
             .args(["-monitor", &format!("unix:{MONITOR},server=on,wait=off")])
             .current_dir(folder.path())

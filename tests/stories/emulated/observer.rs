@@ -1,8 +1,6 @@
 //! The observer on a Cortex-M4F: the machine code in the emulator says the same bytes as the same code on this machine, and how much a tick takes.
 
 use std::fmt::Write as _;
-use std::path::Path;
-use std::process::Command;
 
 use host::calibrate::{Preset, calibrate};
 use host::export::Exported;
@@ -12,11 +10,11 @@ use host::robot::Robot;
 use host::simulate::{Direct, Options, SHORT_MOTION};
 use observer::{Input, Observer, TableModel, Tape};
 use solve::levenberg::Settings;
+use tests::machine::{observer_image, said};
+use tests::observed::MOVING_DUTY;
 
-const TARGET: &str = "thumbv7em-none-eabihf";
 /// Ticks that are played, from the first motor that moves.
 const TICKS: usize = 100;
-const MOVING_DUTY: f64 = 0.02;
 /// SysTick counts at 168 MHz, the emulator takes 8 ns an instruction.
 const INSTRUCTIONS_PER_CYCLE: f64 = 1e3 / (168.0 * 8.0);
 /// Cycles of an instruction that are reckoned with, as in the firmware's budget, and those of a tick.
@@ -136,26 +134,7 @@ fn on_chip(source: &str) -> String {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("numbers.rs");
     std::fs::write(&file, source).unwrap();
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap();
-    let target = root.join("target/emulated");
-    let built = Command::new(env!("CARGO"))
-        .args(["build", "--quiet", "--locked", "-p", "observer", "--example", "on_chip", "--release"])
-        .args(["--target", TARGET, "--target-dir"])
-        .arg(&target)
-        .env("OBSERVER_NUMBERS", &file)
-        .current_dir(root)
-        .output()
-        .unwrap();
-    assert!(built.status.success(), "{}", String::from_utf8_lossy(&built.stderr));
-    let output = Command::new("qemu-system-arm")
-        .args(["-M", "netduinoplus2", "-display", "none", "-serial", "null", "-kernel"])
-        .arg(target.join(TARGET).join("release/examples/on_chip"))
-        .args(["-semihosting-config", "enable=on,target=native", "-icount", "shift=3,sleep=off"])
-        .output()
-        .unwrap();
-    let said = String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success(), "{said}");
-    said
+    said(&observer_image(&file))
 }
 
 #[test]

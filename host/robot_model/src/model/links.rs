@@ -8,6 +8,7 @@
 //! A torque is linear in the bodies too. So chains that differ by nothing else are one chain with the weighted bodies of all.
 
 use std::borrow::Cow;
+use std::ops::Sub;
 
 use super::number::expression::Expression;
 use crate::robot::chain::{Chain, MAX_JOINTS};
@@ -19,6 +20,16 @@ enum Factor {
     Times(usize),
     /// One less the coordinate.
     Without(usize),
+}
+
+impl Factor {
+    /// At coordinates z.
+    fn value<T: Copy + From<f64> + Sub<Output = T>>(self, z: &[T]) -> T {
+        match self {
+            Factor::Times(i) => z[i],
+            Factor::Without(i) => T::from(1.0) - z[i],
+        }
+    }
 }
 
 /// Chains with their weights.
@@ -156,11 +167,7 @@ impl Links {
     /// The weights of its chains, written down.
     pub(super) fn traced_weights(&self, z: &[Expression]) -> Vec<Expression> {
         let one = Expression::from(1.0);
-        let value = |factor: &Factor| match *factor {
-            Factor::Times(i) => z[i],
-            Factor::Without(i) => one - z[i],
-        };
-        self.terms.iter().map(|(_, factors)| factors.iter().fold(one, |weight, f| weight * value(f))).collect()
+        self.terms.iter().map(|(_, factors)| factors.iter().fold(one, |weight, f| weight * f.value(z))).collect()
     }
 
     /// What `each` gives of its chains, `size` numbers, times these weights.
@@ -184,10 +191,7 @@ impl Links {
 
     /// At solver coordinates z.
     pub(super) fn at(&self, z: &[f64]) -> WeightedLinks<'_> {
-        let value = |factor: &Factor| match *factor {
-            Factor::Times(i) => z[i],
-            Factor::Without(i) => 1.0 - z[i],
-        };
+        let value = |factor: &Factor| factor.value(z);
         let weight = |factors: &[Factor]| factors.iter().map(value).product::<f64>();
         let slopes = |factors: &[Factor]| {
             let slope = |(k, factor): (usize, &Factor)| {

@@ -258,13 +258,7 @@ impl Link {
         let inertia = Symmetric::of(&about_centre).about_origin(body.mass_kg, centre);
         self.mass_kg += sign * body.mass_kg;
         self.first_moment = add(self.first_moment, vector::scale(centre, sign * body.mass_kg));
-        let own = &mut self.inertia;
-        own.xx += sign * inertia.xx;
-        own.yy += sign * inertia.yy;
-        own.zz += sign * inertia.zz;
-        own.xy += sign * inertia.xy;
-        own.xz += sign * inertia.xz;
-        own.yz += sign * inertia.yz;
+        self.inertia.add(sign, &inertia);
     }
 
     /// Sine and cosine of the turn that position `q` makes.
