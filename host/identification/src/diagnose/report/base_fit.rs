@@ -11,9 +11,14 @@ pub fn channel_fits(figures: Vec<(String, f64)>) -> Vec<ChannelFit> {
     figures.into_iter().map(|(channel, value)| ChannelFit { channel, value }).collect()
 }
 
-/// What the noise of the base calibration, its status and its predictions say. `gains` tells whether any law or curve gains out of sample. That nothing does is no fit where the calibration
-/// itself says that the model does not: a misfit need not follow anything that was tried.
-pub fn base_fit(noise: &[ChannelNoise], status: Status, ahead: Vec<(String, f64)>, gains: bool) -> BaseFit {
+/// What the noise of the base calibration, its status, whether what it leaves is coloured, and its predictions say. `gains` tells whether any law or curve gains out of sample. That nothing does is no fit where the calibration
+/// itself says that the model does not, or that what it misses scatters between blocks of time more than white noise does: a misfit need not follow anything that was tried.
+pub fn base_fit(
+    noise: &[ChannelNoise],
+    (status, is_coloured): (Status, bool),
+    ahead: Vec<(String, f64)>,
+    gains: bool,
+) -> BaseFit {
     let of_channels = noise.iter().filter_map(|noise| {
         let value = noise.chi2_per_dof.filter(|value| value.is_finite())?;
         Some(ChannelFit { channel: noise.channel.clone(), value })
@@ -21,7 +26,7 @@ pub fn base_fit(noise: &[ChannelNoise], status: Status, ahead: Vec<(String, f64)
     let ahead = channel_fits(ahead);
     let worst = ahead.iter().filter(|fit| fit.value.is_finite()).max_by(|a, b| a.value.total_cmp(&b.value));
     let at_noise = worst.is_some_and(|fit| fit.value <= AT_NOISE);
-    let fits = at_noise || !gains && status != Status::DoesNotFit;
+    let fits = at_noise || !gains && status != Status::DoesNotFit && !is_coloured;
     let far = worst.map_or_else(String::new, |worst| {
         format!(
             "half a second ahead it misses {} by {:.1} standard deviations of the sensor",
@@ -47,16 +52,20 @@ mod tests {
 
     #[test]
     fn nothing_found_is_a_fit_only_where_the_calibration_fits_too() {
-        let said = |status: Status, sigma: f64, gains: bool| {
-            let fit = base_fit(&[], status, vec![("encoder1".to_owned(), sigma)], gains);
+        let said = |calibration: (Status, bool), sigma: f64, gains: bool| {
+            let fit = base_fit(&[], calibration, vec![("encoder1".to_owned(), sigma)], gains);
             (fit.fits, fit.sentence)
         };
-        let (fits, sentence) = said(Status::Converged, 40.0, false);
+        // White noise of the steps: how far predictions miss is what it adds up to.
+        let (fits, sentence) = said((Status::Converged, false), 40.0, false);
         assert!(fits && sentence.starts_with("Nothing that could be tried"), "{sentence}");
-        let (fits, sentence) = said(Status::DoesNotFit, 40.0, false);
-        assert!(!fits && sentence.starts_with("The base model does not fit: half") && sentence.ends_with("for sure."));
-        assert!(!said(Status::Converged, 40.0, true).0);
+        for misfit in [(Status::DoesNotFit, false), (Status::Converged, true)] {
+            let (fits, sentence) = said(misfit, 40.0, false);
+            assert!(!fits && sentence.starts_with("The base model does not fit: half"), "{sentence}");
+            assert!(sentence.ends_with("for sure."), "{sentence}");
+        }
+        assert!(!said((Status::Converged, false), 40.0, true).0);
         // Predictions at the sensor's own noise are a fit, whatever else is said.
-        assert!(said(Status::DoesNotFit, 1.2, true).0);
+        assert!(said((Status::DoesNotFit, true), 1.2, true).0);
     }
 }

@@ -79,7 +79,9 @@ pub fn report(
     }
     let first_gains = evidence.first_curves.iter().any(|curve| curve.p_family < LEVEL);
     let gains = !findings.is_empty() || first_gains || refused.clone().next().is_some();
-    let base_fit = base_fit(&base.calibration.noise, base.calibration.status, judged.ahead_sigma, gains);
+    let is_coloured = base.calibration.scatter.is_some_and(|scatter| scatter.coloured);
+    let calibration = (base.calibration.status, is_coloured);
+    let base_fit = base_fit(&base.calibration.noise, calibration, judged.ahead_sigma, gains);
     let verdict = verdict(&findings, base_fit.fits);
     if unexplained.places.is_empty() && verdict != Verdict::None {
         unexplained.places.extend(place_of_steps(robot, base, extended.as_ref().unwrap_or(base)));
