@@ -2,11 +2,13 @@
 
 use std::collections::BTreeMap;
 
+use host::calibrate::{Preset, extend, fit};
 use host::effect::{CATALOGUE, Size};
 use host::recording::Recording;
 use host::recording::check::obstacles;
 use host::robot::Robot;
 use host::simulate::{Direct, EffectChoice, Options, SHORT_MOTION};
+use solve::levenberg::Settings;
 
 const DEGREES: f64 = 180.0 / std::f64::consts::PI;
 const GEAR: f64 = 42.092;
@@ -106,5 +108,51 @@ fn no_effect_is_taken_for_a_mistake() {
     for effect in CATALOGUE {
         let recording = record(vec![EffectChoice { effect, size: Size::Large }]);
         assert_eq!(told(&recording), "", "{}", effect.id);
+    }
+}
+
+/// No reading of the gyros is larger than this.
+fn ended_at(recording: &Recording, full_scale_rad_s: f64) -> Recording {
+    let mut ended = recording.clone();
+    for channel in ended.channels.iter_mut().filter(|channel| GYROS.contains(&channel.spec.column.as_str())) {
+        channel.values.iter_mut().for_each(|value| *value = value.clamp(-full_scale_rad_s, full_scale_rad_s));
+    }
+    ended
+}
+
+/// A range is set at the part: what it ends at has nothing to do with the robot or its motion.
+#[test]
+fn a_range_that_ends_is_no_wrong_scale_wherever_it_ends() {
+    let right = record(Vec::new());
+    for full_scale_rad_s in [3.0, 1.5, 0.75, 0.4] {
+        assert_eq!(told(&ended_at(&right, full_scale_rad_s)), "", "{full_scale_rad_s} rad/s");
+    }
+    let scaled = |factor: f64| {
+        let mut scaled = right.clone();
+        scaled.channels.iter_mut().filter(|c| GYROS.contains(&c.spec.column.as_str())).for_each(|channel| {
+            channel.values.iter_mut().for_each(|value| *value *= factor);
+        });
+        told(&scaled)
+    };
+    for factor in [0.4, 0.6, 1.7] {
+        assert!(scaled(factor).contains("gyro1: reads"), "{factor}: {}", scaled(factor));
+    }
+}
+
+#[test]
+fn the_end_of_a_range_is_estimated_wherever_it_is() {
+    let right = record(Vec::new());
+    for full_scale_rad_s in [3.0, 1.0] {
+        let recording = ended_at(&right, full_scale_rad_s);
+        let settings = Settings::default();
+        let base = fit(&recording.robot, &[&recording], Preset::Default, &settings, |_, _| {}).unwrap();
+        let extended =
+            extend(&recording.robot, &[&recording], &base, &["gyro_clipping"], &settings, |_, _| {}).unwrap();
+        let calibration = extended.calibration;
+        assert!(calibration.status.is_usable(), "{full_scale_rad_s} rad/s: {:?}", calibration.status);
+        let fs = calibration.parameter("gyro_clipping.fs[2]").unwrap();
+        println!("full scale {full_scale_rad_s} rad/s: {} ± {:?}", fs.estimate, fs.std_error);
+        // rtol 5e-3.
+        assert!((fs.estimate / full_scale_rad_s - 1.0).abs() < 5e-3, "{fs:?}");
     }
 }

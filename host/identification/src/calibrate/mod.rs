@@ -30,6 +30,7 @@ pub use data::series::Series;
 pub use error::CalibrateError;
 pub use extension::bench::{Bench, SavingEffort};
 pub use extension::blocks::{BlockFit, BlockScores, LawBlock, ParameterAt, Quadratic};
+pub(crate) use extension::laws::laws_for;
 pub use extension::trial::{JointState, Trial, TrialValue};
 pub use extension::trimmed::Trimmed;
 pub use fit::{calibrate, calibrate_extended, extend, extend_as, fit};

@@ -2,8 +2,9 @@
 
 use std::sync::Arc;
 
+use crate::calibrate::laws_for;
 use crate::effect::{CATALOGUE, Effect};
-use crate::model::law::Law;
+use crate::model::law::{Law, Readings};
 use crate::robot::Robot;
 
 /// An effect with one of its laws.
@@ -24,11 +25,16 @@ pub struct Candidate {
     pub alternatives: Vec<Arc<dyn Law>>,
 }
 
-/// The catalogue for `robot` but for the ids in `without`; and what cannot be tested, with the reason.
-pub fn catalogue(robot: &Robot, without: &[String]) -> (Vec<Candidate>, Vec<(&'static str, String)>) {
+/// The catalogue for `robot` but for the ids in `without`, started from `readings` where those say more than the robot; and what cannot be tested, with the
+/// reason.
+pub fn catalogue(
+    robot: &Robot,
+    readings: &Readings,
+    without: &[String],
+) -> (Vec<Candidate>, Vec<(&'static str, String)>) {
     let (mut candidates, mut others) = (Vec::new(), Vec::new());
     for effect in CATALOGUE.into_iter().filter(|effect| !without.iter().any(|id| id == effect.id)) {
-        match effect.laws(robot) {
+        match laws_for(effect, robot, readings) {
             Ok(alternatives) => candidates.push(Candidate { effect, alternatives }),
             Err(error) => others.push((effect.id, error.to_string())),
         }

@@ -28,7 +28,7 @@ pub fn margin(
     let base = fit(robot, &[&fitted], Method::suited(Preset::Default, robot), settings, |_, _| {})?;
     let (bench, trial) = bench(robot, &base, settings)?;
     let contiguous = bench.is_contiguous();
-    let (candidates, _) = catalogue(robot, &[]);
+    let (candidates, _) = catalogue(robot, &base.series.readings(), &[]);
     let on_bench = Fitted::of(&bench, &contiguous, trial)?;
     let refit = Refit { bench, contiguous, trimmed: None };
     let refits = first_refits(&refit, on_bench, &candidates, effect)?;

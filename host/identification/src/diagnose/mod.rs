@@ -109,7 +109,7 @@ pub fn diagnose(
     let base = fit(robot, &fitted, Method::suited(Preset::Default, robot), settings, |_, _| {})?;
     let (bench, trial) = bench(robot, &base, settings)?;
     let contiguous = bench.is_contiguous();
-    let (candidates, unsuited) = catalogue::catalogue(robot, &options.without);
+    let (candidates, unsuited) = catalogue::catalogue(robot, &base.series.readings(), &options.without);
     let plausibility = Plausibility::of(&bench, &trial);
     let is_contact = |law: &std::sync::Arc<dyn crate::model::law::Law>| law.is_event() && law.event_s().is_none();
     let has_contacts = candidates.iter().any(|candidate| candidate.alternatives.iter().any(is_contact));

@@ -6,7 +6,7 @@
 
 use rand::Rng;
 
-use super::surrogate::{Law, Laws, Of, Parameters, Quantity, each, reads_gyros};
+use super::surrogate::{Arc, Law, Laws, Of, Parameters, Quantity, Readings, each, reads_gyros};
 use super::{Effect, EffectError, EffectParameter, Hidden, Physics, Row, Scale, Size, draw};
 use crate::model::law::GyroAt;
 use crate::robot::{Robot, Vector3};
@@ -64,6 +64,20 @@ struct ClippingLaw {
 impl Law for ClippingLaw {
     fn parameters(&self) -> &Parameters {
         &self.parameters
+    }
+
+    /// A gyro whose range ends has no reading beyond it, whatever the robot and its motion.
+    fn starts_by_readings(&self, readings: &Readings) -> Vec<Arc<dyn Law>> {
+        let ends = &readings.gyro_ends_rad_s;
+        let starts = ends.iter().map(Vec::len).min().unwrap_or(0);
+        let started = |start: usize| -> Arc<dyn Law> {
+            let mut parameters = self.parameters.cleared();
+            for (gyro, ends) in ends.iter().enumerate() {
+                parameters.plain("fs", "rad/s", Of::Gyro(gyro), ends[start]);
+            }
+            Arc::new(Self { parameters })
+        };
+        (0..starts).map(started).collect()
     }
 
     fn sees_gyro(&self, _gyro: usize) -> bool {

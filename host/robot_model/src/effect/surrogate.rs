@@ -5,7 +5,7 @@ pub(super) use std::sync::Arc;
 
 pub(super) use crate::model::Quantity;
 use crate::model::law::PassiveJoint;
-pub(super) use crate::model::law::{At, Clues, Hook, JointClues, Law, LowPass, Of, Parameters};
+pub(super) use crate::model::law::{At, Clues, Hook, JointClues, Law, LowPass, Of, Parameters, Readings};
 use crate::robot::{Robot, Symbol, Vector3};
 pub(super) use crate::{acts_on_joints, reads_gyros, reads_positions};
 

@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use super::instants::GyroInstants;
 use super::stamps;
+use crate::model::law::Readings;
 use crate::recording::Recording;
 use crate::robot::{self, ChannelKind, Robot};
 
@@ -39,6 +40,9 @@ pub struct Series {
     /// `[k · gyros + g]`: instant of each gyro's reading after the stage, s; empty where all are read as the description says.
     instants_s: Vec<f64>,
 }
+
+/// Readings that go beyond what is taken for the end of a gyro's range: a few by noise that is added behind it or as spikes; and none.
+const BEYOND_END: [usize; 2] = [20, 0];
 
 /// The runs of a recording that are long enough.
 fn runs(recording: &Recording) -> impl Iterator<Item = Range<usize>> {
@@ -380,6 +384,25 @@ impl Series {
     /// Measurements of stage k, one a channel.
     pub fn measured(&self, k: usize) -> &[f64] {
         &self.measured[k * self.channels.len()..(k + 1) * self.channels.len()]
+    }
+
+    /// What the readings alone show of where laws of sensors start.
+    pub(crate) fn readings(&self) -> Readings {
+        let largest = |gyro: usize| {
+            let is_of = |channel: &&usize| matches!(self.channels[**channel].kind, ChannelKind::GyroAxis { gyro: g, .. } if g == gyro);
+            let axes: Vec<usize> = (0..self.channels.len()).filter(|channel| is_of(&channel)).collect();
+            let mut ends = [0.0_f64; BEYOND_END.len()];
+            for &axis in &axes {
+                let mut sizes: Vec<f64> =
+                    (0..self.stages()).map(|k| self.measured(k)[axis].abs()).filter(|size| size.is_finite()).collect();
+                sizes.sort_unstable_by(|a, b| b.total_cmp(a));
+                for (end, beyond) in ends.iter_mut().zip(BEYOND_END) {
+                    *end = end.max(sizes.get(beyond).copied().unwrap_or(0.0));
+                }
+            }
+            ends.to_vec()
+        };
+        Readings { gyro_ends_rad_s: (0..self.gyros).map(largest).collect() }
     }
 
     /// Replaces a reading, unless there is none.

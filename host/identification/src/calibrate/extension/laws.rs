@@ -13,7 +13,7 @@ use crate::calibrate::residuals::preset::Preset;
 use crate::calibrate::residuals::problem::Problem;
 use crate::calibrate::result::fitted::Fit;
 use crate::effect::{CATALOGUE, Effect, EffectError};
-use crate::model::law::{Form, Law};
+use crate::model::law::{Form, Law, Readings};
 use crate::model::{Integrator, Model};
 use crate::robot::Robot;
 use solve::LeastSquares;
@@ -65,6 +65,16 @@ pub(crate) fn laws_of<S: AsRef<str>>(
     chosen.collect()
 }
 
+/// The laws of an effect from all its starts, those that readings show where they show some.
+///
+/// # Errors
+/// An effect that the robot cannot have.
+pub(crate) fn laws_for(effect: &Effect, robot: &Robot, readings: &Readings) -> Result<Laws, EffectError> {
+    let laws = effect.laws(robot)?;
+    let shown = laws[0].starts_by_readings(readings);
+    Ok(if shown.is_empty() { laws } else { shown })
+}
+
 /// The laws of these effects: of alternatives those that explain the recording best after a few iterations from `from`. Events start from what the
 /// greater part of the recording shows, where that is told beside them.
 pub(crate) fn choose_laws(
@@ -74,7 +84,9 @@ pub(crate) fn choose_laws(
     from: &Fit,
     settings: &Settings,
 ) -> Result<(Laws, Option<Trimmed>), CalibrateError> {
-    let mut alternatives = effects.iter().map(|effect| effect.laws(robot)).collect::<Result<Vec<_>, _>>()?;
+    let readings = series.readings();
+    let mut alternatives =
+        effects.iter().map(|effect| laws_for(effect, robot, &readings)).collect::<Result<Vec<_>, _>>()?;
     let mut trimmed = None;
     // What several recordings show follows on no single clock.
     if alternatives.iter().any(|alternatives| alternatives[0].is_event()) && series.recordings.len() == 1 {

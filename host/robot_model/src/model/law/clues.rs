@@ -1,4 +1,4 @@
-//! What a recording shows of events and contacts before any law describes them: where laws that are nothing most of the time start from.
+//! What a recording shows before any law describes it: where laws of events and contacts start from, and laws of sensors that end.
 
 /// Along the samples of a recording: the motion, and the torques that a model leaves open which is right whenever nothing happens.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -20,4 +20,11 @@ pub struct JointClues {
     pub missing: Vec<f64>,
     /// Stiffness of the transmission, N m/rad; none of a joint that has no such parameter.
     pub k_s: Option<f64>,
+}
+
+/// What the readings alone show, before any fit.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Readings {
+    /// Sizes that hardly any reading of a gyro goes beyond, on its axis that goes farthest, rad/s: one list a gyro, of the same length, likeliest first.
+    pub gyro_ends_rad_s: Vec<Vec<f64>>,
 }

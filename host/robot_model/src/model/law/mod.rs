@@ -11,7 +11,7 @@
 mod clues;
 mod parameters;
 
-pub use clues::{Clues, JointClues};
+pub use clues::{Clues, JointClues, Readings};
 pub use parameters::{Form, LawCoordinate, LawResult, Of, Parameters, unit_at};
 // What the macros of this file expand to, also in other crates.
 #[doc(hidden)]
@@ -182,6 +182,11 @@ pub trait Law: std::fmt::Debug + Send + Sync {
 
     /// The same law started from what a recording shows, best first; none where that shows nothing of it.
     fn starts(&self, _clues: &Clues) -> Vec<Arc<dyn Law>> {
+        Vec::new()
+    }
+
+    /// The same law started from what readings show without any fit, likeliest first; none where it starts from the robot's description.
+    fn starts_by_readings(&self, _readings: &Readings) -> Vec<Arc<dyn Law>> {
         Vec::new()
     }
 

@@ -223,6 +223,8 @@ struct Agreement {
     is_turned: bool,
     /// Encoders or gyro say so: of a shorter motion, as between many gaps, no factor is told.
     lasts: bool,
+    /// Read over predicted where the robot turns slowly: a scale error is the same there, a range that ends is not met.
+    gain_when_slow: f64,
 }
 
 impl Agreement {
@@ -249,7 +251,15 @@ impl Agreement {
         };
         let is_turned = turned && lasts(&by_encoders);
         let lasts = lasts(&|pair| by_encoders(pair) || by_gyro(pair));
-        let mut all = Self { pp, rr, pr, missed: 0.0, is_turned, lasts };
+        let mut turning: Vec<&Pair> = pairs.iter().filter(|pair| by_encoders(pair)).collect();
+        turning.sort_by(|a, b| square(&a.0, [0.0; 3]).total_cmp(&square(&b.0, [0.0; 3])));
+        turning.truncate(turning.len().div_ceil(2));
+        let (both, predicted) = turning.iter().fold((0.0, 0.0), |(both, predicted), pair| {
+            let product: f64 = (0..3).map(|i| pair.0[i] * (pair.1[i] - r[i])).sum();
+            (both + product, predicted + square(&pair.0, [0.0; 3]))
+        });
+        let gain_when_slow = both / predicted;
+        let mut all = Self { pp, rr, pr, missed: 0.0, is_turned, lasts, gain_when_slow };
         all.missed = all.missed_if([(0, 1.0), (1, 1.0), (2, 1.0)], 1.0);
         (turned || read).then_some(all)
     }
@@ -309,8 +319,12 @@ pub(super) fn look(scene: &Scene<'_>, findings: &mut Findings) {
         // A base that gives way misses much, too: without a mistake that explains it only a clean factor is one. No likeness at all to a
         // motion that the encoders see is worth a word.
         let correlation = agreement.coefficient();
-        let is_factor =
-            agreement.lasts && correlation > ALIKE && !(1.0 / UNIT_FACTOR..UNIT_FACTOR).contains(&agreement.gain());
+        // A factor is the same at all rates; what shrinks fast motion alone is a range that ends, which a diagnosis finds.
+        let is_off = |gain: f64| !(1.0 / UNIT_FACTOR..UNIT_FACTOR).contains(&gain);
+        let is_factor = agreement.lasts
+            && correlation > ALIKE
+            && is_off(agreement.gain())
+            && (is_off(agreement.gain_when_slow) || agreement.gain_when_slow.is_nan());
         let is_unlike = agreement.is_turned && correlation <= DISAGREES;
         if suspects.is_empty() && !is_factor && !is_unlike {
             continue;
