@@ -16,16 +16,12 @@ is counted and not made again: another program needs another file. `--keep` leav
 """
 
 import argparse
-import json
-import shutil
-import subprocess
 import sys
-import tempfile
-import time
-from pathlib import Path
 
 import mujoco
 import numpy as np
+
+from count import add_arguments, count, diagnosed
 
 STEP_S = 5e-5
 TICK_S = 1e-3
@@ -243,81 +239,30 @@ def columns(joints):
     return names + ([f"q{i + 1}" for i in range(n)] if "k_s" in joints[0] else [])
 
 
-def run(host, *arguments):
-    output = subprocess.run([host, *map(str, arguments)], capture_output=True, text=True)
-    return output.returncode, output.stderr
-
-
-def case(host, name, effect, seed, keep):
-    """One case, made in a folder that is new, so that no file of an earlier run is taken for its own."""
-    with tempfile.TemporaryDirectory() as folder:
-        result = diagnosed(Path(folder), host, name, effect, seed)
-        if keep:
-            shutil.copytree(folder, Path(keep) / f"{name}_{effect}_{seed}", dirs_exist_ok=True)
-    return result
-
-
-def diagnosed(folder, host, name, effect, seed):
+def recordings(name, effect, seed):
+    """The two recordings of a robot, and the file that its user would have."""
     rng = np.random.default_rng([seed, sorted(EFFECTS).index(effect), sorted(ROBOTS).index(name)])
     joints = ROBOTS[name]
     what = hidden(effect, joints, rng)
-    at = lambda file: folder / file
-    at("robot.toml").write_text(robot_file(name, joints, rng))
-    for motion in ("cal", "val"):
-        rows = simulate(joints, effect, what, rng)
-        np.savetxt(at(f"{motion}.csv"), rows, delimiter=",", header=",".join(columns(joints)), comments="", fmt="%.9g")
-        code, said = run(host, "import", at(f"{motion}.csv"), "--robot", at("robot.toml"), "-o", at(f"{motion}.mcap"))
-        if code != 0:
-            return dict(robot=name, effect=effect, seed=seed, verdict="refused", said=said[-400:])
-    clock = time.time()
-    code, said = run(host, "diagnose", at("cal.mcap"), "--holdout", at("val.mcap"), "-o", at("d.json"))
-    told = json.loads(at("d.json").read_text()) if at("d.json").exists() else {}
-    findings = told.get("findings", [])
-    gain = (told.get("holdout_gain") or {}).get("share")
-    return dict(robot=name, effect=effect, seed=seed, code=code, seconds=round(time.time() - clock), verdict=told.get("verdict", "none was made"), named=[finding["effect"] for finding in findings], gain=gain, summary=told.get("summary", said[-400:]))
-
-
-def judged(result):
-    named = result.get("named", [])
-    if result["verdict"] in ("refused", "none was made"):
-        return result["verdict"]
-    if result["effect"] == "none":
-        return "right" if not named else "wrong"
-    if not named:
-        return "missing"
-    return "right" if named == [result["effect"]] else "beside others" if result["effect"] in named else "wrong"
+    described = robot_file(name, joints, rng)
+    return [simulate(joints, effect, what, rng) for _ in range(2)], described
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("host")
+    add_arguments(parser)
     parser.add_argument("--robots", default=",".join(ROBOTS))
     parser.add_argument("--effects", default=",".join(EFFECTS))
-    parser.add_argument("--seeds", type=int, default=1)
-    parser.add_argument("--out")
-    parser.add_argument("--keep")
     arguments = parser.parse_args()
-    made = {}
-    if arguments.out and Path(arguments.out).exists():
-        for result in map(json.loads, Path(arguments.out).read_text().splitlines()):
-            made[result["robot"], result["effect"], result["seed"]] = result
-    counts = {}
-    for seed in range(arguments.seeds):
-        for effect in arguments.effects.split(","):
-            for name in arguments.robots.split(","):
-                if EFFECTS[effect] not in ("all", name):
-                    continue
-                known = made.get((name, effect, seed))
-                result = known or case(arguments.host, name, effect, seed, arguments.keep)
-                result["judged"] = judged(result)
-                of_robot = counts.setdefault(name, {})
-                of_robot[result["judged"]] = of_robot.get(result["judged"], 0) + 1
-                print(f"{name:6} {effect:22} {result['judged']:14} {','.join(result.get('named', [])):40} {result.get('gain')} {result.get('seconds')} s", flush=True)
-                if arguments.out and not known:
-                    with open(arguments.out, "a") as out:
-                        out.write(json.dumps(result) + "\n")
-    for name, of_robot in counts.items():
-        print(name, ", ".join(f"{count} {what}" for what, count in sorted(of_robot.items())))
+    seeds = range(arguments.first, arguments.first + arguments.seeds)
+    robots, effects = arguments.robots.split(","), arguments.effects.split(",")
+    cases = [(name, effect, seed) for seed in seeds for effect in effects for name in robots if EFFECTS[effect] in ("all", name)]
+
+    def make(folder, name, effect, seed):
+        rows, described = recordings(name, effect, seed)
+        return diagnosed(folder, arguments.host, columns(ROBOTS[name]), rows, described)
+
+    count(arguments, cases, make)
     return 0
 
 
