@@ -9,7 +9,8 @@ Laws with a memory have other forms than the program's: bristles, slip elements,
     duty, supply, back-EMF ──────┼─▶ accelerations ─▶ encoders, gyros, rounded ─▶ CSV ─▶ host import, diagnose
     belts, friction, effect ─────┘
 
-    python tests/mujoco/doggy.py target/release/host [--effects ID,…] [--size medium|weak] [--seeds N] [--out FILE.jsonl]
+    python tests/mujoco/doggy.py target/release/host [--effects ID,…] [--size medium|weak] [--seeds N] [--first N] [--out FILE.jsonl]
+        [--keep FOLDER]
 
 Needs the packages mujoco and numpy. Prints a line a case and the counts. A case whose line stands in FILE.jsonl is counted and not made again.
 """
@@ -71,7 +72,7 @@ EFFECTS = {
 # A weak one of these is not a third of a medium one.
 WEAK = {"current_limit": dict(T=115.0), "gyro_clipping": dict(fs=5.0), "structure_mode": dict(hz=18.0, zeta=0.03), "coriolis": dict(scale=1.0), "stribeck": dict(excess=0.35, at=0.1)}
 # Nothing of the catalogue: friction of the pitch motor that follows the roll joint, torque that leaks from one motor to another, a spring that ages, a
-# ripple whose amplitude follows the load, a gyro whose scale follows the speed of the motor, an encoder that creeps under torque.
+# ripple whose amplitude follows the load, a gyro that rectifies fast motion, an encoder that creeps under torque.
 OUTSIDERS = {
     "outsider_friction_of_another": dict(a=0.8),
     "outsider_leak": dict(share=0.06),
@@ -114,7 +115,7 @@ def mjcf(robot, b, effect, what, rng):
         site = '<site name="gyro1"/>' if i == 0 else ""
         own = f'<inertial mass="{mass}" pos="{centre[0]} {centre[1]} {centre[2]}" fullinertia="{inertia}"/>{site}{inner}'
         if i == 2 and rod:
-            # The head's bodies hang on the rod; the roll frame keeps a trace of the mass, about the joint.
+            # The file's body hangs on the rod; a light frame beside it stays on the roll joint.
             own = f'<inertial mass="0.2" pos="0 0 0" diaginertia="1e-3 1e-3 1e-3"/><body>{rod}{own}</body>'
         inner = f'<body{turned}><joint name="q{i}" type="hinge" axis="{axis}"/>{own}</body>'
     rotors = "".join(
@@ -125,6 +126,11 @@ def mjcf(robot, b, effect, what, rng):
         f"<worldbody>{inner}{rotors}</worldbody>"
         '<sensor><gyro site="gyro1"/><gyro site="gyro2"/></sensor></mujoco>'
     )
+
+
+def smooth_sign(speed):
+    """2/(1 + e^−400 v) − 1 of the paper's friction."""
+    return 2 / (1 + exp(max(-700.0, min(700.0, -400.0 * speed)))) - 1
 
 
 def wobble(rng, share, n=3):
@@ -251,7 +257,7 @@ def simulate(robot, effect, what, p, mountings, biases, rng, validation):
                 belt += size[i] * k_s[i] * 0.5 * ((wound - slipped[0][i]) + (wound - slipped[1][i]))
             elif effect == "outsider_ageing_belt":
                 belt -= what["share"] * k_s[i] * wound * t / 70.0
-            level, sign = mu[i], 2 / (1 + exp(max(-700.0, min(700.0, -400.0 * w)))) - 1
+            level, sign = mu[i], smooth_sign(w)
             if effect == "load_friction":
                 level *= 1 + size[i] * abs(belt)
             elif effect == "position_friction":
@@ -277,7 +283,7 @@ def simulate(robot, effect, what, p, mountings, biases, rng, validation):
             if effect == "quadratic_drag":
                 held = size[i] * dq * abs(dq)
             elif effect == "link_friction":
-                held = size[i] * (2 / (1 + exp(max(-700.0, min(700.0, -400.0 * dq)))) - 1) + what["v"] * dq
+                held = size[i] * smooth_sign(dq) + what["v"] * dq
             elif effect == "gravity_residual" and i > 0:
                 held = -size[i] * sin(q + phase[i] * 0.1)
             elif effect == "cable_spring":

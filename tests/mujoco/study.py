@@ -9,7 +9,7 @@ program's forms: the study asks whether they are found on robots of other kinds.
     motor torque, held for a tick ──────────┼─▶ joint accelerations ─▶ encoders, rounded to counts ─▶ CSV ─▶ host import, diagnose
     friction, springs, hidden effect ───────┘
 
-    python tests/mujoco/study.py target/release/host [--robots arm2,arm3,flex1] [--effects ID,…] [--seeds N] [--out FILE.jsonl] [--keep FOLDER]
+    python tests/mujoco/study.py target/release/host [--robots arm2,arm3,flex1] [--effects ID,…] [--seeds N] [--first N] [--out FILE.jsonl] [--keep FOLDER]
 
 Needs the packages mujoco and numpy. Prints a line a case and the count of right, wrong and missing names by robot. A case whose line stands in FILE.jsonl
 is counted and not made again: another program needs another file. `--keep` leaves the files of every case in a folder of its own.

@@ -127,15 +127,10 @@ fn a_range_that_ends_is_no_wrong_scale_wherever_it_ends() {
     for full_scale_rad_s in [3.0, 1.5, 0.75, 0.4] {
         assert_eq!(told(&ended_at(&right, full_scale_rad_s)), "", "{full_scale_rad_s} rad/s");
     }
-    let scaled = |factor: f64| {
-        let mut scaled = right.clone();
-        scaled.channels.iter_mut().filter(|c| GYROS.contains(&c.spec.column.as_str())).for_each(|channel| {
-            channel.values.iter_mut().for_each(|value| *value *= factor);
-        });
-        told(&scaled)
-    };
-    for factor in [0.4, 0.6, 1.7] {
-        assert!(scaled(factor).contains("gyro1: reads"), "{factor}: {}", scaled(factor));
+    let scales: [Mistake; 3] = [|c| scale(c, &GYROS, 0.4), |c| scale(c, &GYROS, 0.6), |c| scale(c, &GYROS, 1.7)];
+    for (number, mistake) in scales.into_iter().enumerate() {
+        let text = told(&with(&right, mistake));
+        assert!(text.contains("gyro1: reads"), "scale {number}: {text}");
     }
 }
 

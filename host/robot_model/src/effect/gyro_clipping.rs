@@ -6,7 +6,7 @@
 
 use rand::Rng;
 
-use super::surrogate::{Arc, Law, Laws, Of, Parameters, Quantity, Readings, each, reads_gyros};
+use super::surrogate::{Arc, Law, Laws, Of, Parameters, Quantity, Readings, only, reads_gyros};
 use super::{Effect, EffectError, EffectParameter, Hidden, Physics, Row, Scale, Size, draw};
 use crate::model::law::GyroAt;
 use crate::robot::{Robot, Vector3};
@@ -102,12 +102,10 @@ fn laws(robot: &Robot) -> Laws {
     if gyros == 0 {
         return Err(EffectError::Unsuited { effect: EFFECT.id, reason: "the robot has no gyro" });
     }
-    let with = |start: f64| {
-        let mut parameters = Parameters::on(EFFECT.id, robot);
-        for gyro in 0..gyros {
-            parameters.plain("fs", "rad/s", Of::Gyro(gyro), start);
-        }
-        ClippingLaw { parameters }
-    };
-    each([FULL_SCALE_RAD_S[1], FULL_SCALE_RAD_S[0], FULL_SCALE_RAD_S[2]].map(with))
+    // Where readings are at hand they say where the range ends ([`Law::starts_by_readings`]).
+    let mut parameters = Parameters::on(EFFECT.id, robot);
+    for gyro in 0..gyros {
+        parameters.plain("fs", "rad/s", Of::Gyro(gyro), FULL_SCALE_RAD_S[1]);
+    }
+    only(ClippingLaw { parameters })
 }

@@ -389,10 +389,9 @@ impl Series {
     /// What the readings alone show of where laws of sensors start.
     pub(crate) fn readings(&self) -> Readings {
         let largest = |gyro: usize| {
-            let is_of = |channel: &&usize| matches!(self.channels[**channel].kind, ChannelKind::GyroAxis { gyro: g, .. } if g == gyro);
-            let axes: Vec<usize> = (0..self.channels.len()).filter(|channel| is_of(&channel)).collect();
+            let is_of = |kind| matches!(kind, ChannelKind::GyroAxis { gyro: of, .. } if of == gyro);
             let mut ends = [0.0_f64; BEYOND_END.len()];
-            for &axis in &axes {
+            for axis in (0..self.channels.len()).filter(|&channel| is_of(self.channels[channel].kind)) {
                 let mut sizes: Vec<f64> =
                     (0..self.stages()).map(|k| self.measured(k)[axis].abs()).filter(|size| size.is_finite()).collect();
                 sizes.sort_unstable_by(|a, b| b.total_cmp(a));

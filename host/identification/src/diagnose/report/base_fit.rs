@@ -11,8 +11,9 @@ pub fn channel_fits(figures: Vec<(String, f64)>) -> Vec<ChannelFit> {
     figures.into_iter().map(|(channel, value)| ChannelFit { channel, value }).collect()
 }
 
-/// What the noise of the base calibration, its status, whether what it leaves is coloured, and its predictions say. `gains` tells whether any law or curve gains out of sample. That nothing does is no fit where the calibration
-/// itself says that the model does not, or that what it misses scatters between blocks of time more than white noise does: a misfit need not follow anything that was tried.
+/// What the noise of the base calibration, its status, whether what it leaves is coloured, and its predictions say. `gains` tells whether any law or curve gains
+/// out of sample. That nothing does is no fit where the calibration itself says that the model does not, or that what it misses scatters between blocks of time
+/// more than white noise does: a misfit need not follow anything that was tried.
 pub fn base_fit(
     noise: &[ChannelNoise],
     (status, is_coloured): (Status, bool),

@@ -223,7 +223,7 @@ struct Agreement {
     is_turned: bool,
     /// Encoders or gyro say so: of a shorter motion, as between many gaps, no factor is told.
     lasts: bool,
-    /// Read over predicted where the robot turns slowly: a scale error is the same there, a range that ends is not met.
+    /// Read over predicted in the slower half of what turns: a scale error is the same there, a range that ends is not met. NaN where nothing turns.
     gain_when_slow: f64,
 }
 
@@ -252,8 +252,12 @@ impl Agreement {
         let is_turned = turned && lasts(&by_encoders);
         let lasts = lasts(&|pair| by_encoders(pair) || by_gyro(pair));
         let mut turning: Vec<&Pair> = pairs.iter().filter(|pair| by_encoders(pair)).collect();
-        turning.sort_by(|a, b| square(&a.0, [0.0; 3]).total_cmp(&square(&b.0, [0.0; 3])));
-        turning.truncate(turning.len().div_ceil(2));
+        let slower_half = turning.len().div_ceil(2);
+        if let Some(last) = slower_half.checked_sub(1) {
+            let rate = |pair: &Pair| square(&pair.0, [0.0; 3]);
+            turning.select_nth_unstable_by(last, |a, b| rate(a).total_cmp(&rate(b)));
+        }
+        turning.truncate(slower_half);
         let (both, predicted) = turning.iter().fold((0.0, 0.0), |(both, predicted), pair| {
             let product: f64 = (0..3).map(|i| pair.0[i] * (pair.1[i] - r[i])).sum();
             (both + product, predicted + square(&pair.0, [0.0; 3]))
@@ -321,10 +325,8 @@ pub(super) fn look(scene: &Scene<'_>, findings: &mut Findings) {
         let correlation = agreement.coefficient();
         // A factor is the same at all rates; what shrinks fast motion alone is a range that ends, which a diagnosis finds.
         let is_off = |gain: f64| !(1.0 / UNIT_FACTOR..UNIT_FACTOR).contains(&gain);
-        let is_factor = agreement.lasts
-            && correlation > ALIKE
-            && is_off(agreement.gain())
-            && (is_off(agreement.gain_when_slow) || agreement.gain_when_slow.is_nan());
+        let is_factor =
+            agreement.lasts && correlation > ALIKE && is_off(agreement.gain()) && is_off(agreement.gain_when_slow);
         let is_unlike = agreement.is_turned && correlation <= DISAGREES;
         if suspects.is_empty() && !is_factor && !is_unlike {
             continue;
